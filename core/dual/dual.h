@@ -1,0 +1,26 @@
+// The conforming all-hex dual of a block octree, by a table of block patterns.
+#pragma once
+
+#include <cstdint>
+
+#include "core/mesh/hex_mesh.h"
+#include "core/octree/octree.h"
+
+namespace strata {
+
+class Context;
+
+// A dual node is a cell (or a template's sub-cell) of the octree; a dual hex is an interior vertex of it.
+struct Dual {
+  HexMesh mesh;                               // no quads; region, attachment default; every hex positive (scaled Jacobian > 0.28)
+  IdMap<VertexId, float> cell_size;           // edge of the cell the node stands for
+  IdMap<VertexId, std::uint8_t> cut;          // 1: the node's block may meet the surface (Octree::cut)
+};
+
+// Vertices and hexes come in Morton order of their blocks.
+Dual dualize(Octree octree, Context& context);
+
+// How many hexes dualize would make, without making them.
+std::int64_t count_dual_hexes(const Octree& octree);
+
+}  // namespace strata

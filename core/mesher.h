@@ -1,0 +1,57 @@
+// The only door into the mesher.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/base/context.h"
+#include "core/mesh/hex_mesh.h"
+#include "core/quality/quality.h"
+#include "core/spec/mesh_spec.h"
+#include "core/surface/triangle_soup.h"
+
+namespace strata {
+
+// How far the mesh fell short of the full request (docs/flow.md, "degradation ladder"); larger is worse.
+enum class Rung {
+  Full,
+  LayersThinned,
+  LayersRegrouped,   // fewer groups: regular instead of cross-imprint
+  LayersDropped,     // on some patches
+  FeaturesSoftened,
+  FitRelaxed,
+  Staircase,
+  CarvedDual,
+};
+// "full", "layers_thinned", ...
+std::string_view rung_name(Rung rung);
+
+struct Outcome {
+  HexMesh mesh;                           // input units
+  IdMap<PatchId, std::string> patch_names; // reference of a patch in files = id + 1
+  Quality quality;
+  Rung rung = Rung::Full;
+  std::vector<Diagnostic> adjustments;
+  std::vector<StageRecord> stages;
+};
+
+// Meshes the surface as asked. Runs on the calling thread and its TBB arena; same input, same bytes out for any thread count.
+// Throws MeshError: InvalidInput (with the first thing wrong), LimitExceeded, Cancelled, Internal.
+Outcome generate(TriangleSoup soup, const MeshSpec& spec, Context& context);
+
+// What a run would cost, from the surface and the octree alone. Figures are estimates but for octree_cells.
+struct Estimate {
+  std::int64_t triangles = 0;
+  std::int64_t octree_cells = 0;
+  std::int64_t hexes = 0;         // with layers
+  std::int64_t memory_bytes = 0;
+  double cpu_seconds = 0;
+};
+struct CheckReport {
+  std::vector<Diagnostic> findings;   // of surface and specification; any Severity::Error means generate would refuse
+  std::vector<std::string> patch_names;
+  Estimate estimate;                  // zero when there are errors
+};
+CheckReport check_request(TriangleSoup soup, const MeshSpec& spec, Context& context);
+
+}  // namespace strata

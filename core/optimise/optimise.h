@@ -1,0 +1,51 @@
+// The one optimiser: moves vertices so that hexes become valid, then good, and held vertices reach and keep their geometry.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "core/base/ids.h"
+#include "core/mesh/hex_mesh.h"
+#include "core/optimise/ground.h"
+
+namespace strata {
+
+class Context;
+
+// Ideal edge lengths of a hex along its local x, y, z (mesh/hex.h). Only ratios matter to the shape energy.
+using HexTarget = std::array<float, 3>;
+
+struct OptimiseOptions {
+  int sweeps = 10;                      // Gauss-Seidel sweeps at most; stops early when nothing moves
+  int rings = -1;                       // with `seeds`: how many rings of vertices round them take part; -1: all vertices
+  double power = 2;                     // exponent on the per-corner energy: larger looks more at the worst
+  bool project = true;                  // draw held vertices that are off their geometry towards it, never inverting a hex
+  double min_scaled_jacobian = 0.02;    // a projection step may not push a hex that is above this below it
+};
+
+struct OptimiseRequest {
+  const Ground* ground = nullptr;                   // null: held vertices do not move at all
+  const IdMap<VertexId, std::uint8_t>* movable = nullptr;   // null: all but Corner and Fixed; else 1: may move
+  const IdMap<VertexId, std::uint8_t>* seeds = nullptr;     // null: everything
+  const IdMap<HexId, HexTarget>* targets = nullptr;         // null: cubes
+};
+
+struct OptimiseResult {
+  HexMesh mesh;
+  double min_scaled_jacobian = 0;       // corners only
+  double mean_scaled_jacobian = 0;
+  std::int64_t inverted = 0;            // hexes with a corner determinant <= 0
+  double max_off_ground = 0;            // largest distance of a held vertex from its geometry, over the local edge length
+  std::int64_t off_ground = 0;          // held vertices further than 1e-9 (working frame) from their geometry
+  int sweeps = 0;
+};
+
+// Coloured block-coordinate descent on a regularised mean-ratio energy (docs/flow.md). Hexes that are valid stay valid; the count of
+// inverted hexes never grows. Deterministic for any thread count.
+OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const OptimiseOptions& options, Context& context);
+
+// Worst first: raises the smallest scaled Jacobians one neighbourhood at a time; accepts strict improvement only.
+OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal, int rounds, Context& context);
+
+}  // namespace strata
