@@ -20,6 +20,8 @@ enum class Hold : std::uint8_t {
   Corner,  // stays on the corner `of`
   Fixed,   // does not move at all (`of` unused)
 };
+// `of` of a Hold::Chart vertex that may slide over the whole surface, whatever chart (features not matched, or softened there).
+inline constexpr std::int32_t kWholeSurface = -1;
 struct Attachment {
   Hold hold = Hold::Free;
   std::int32_t of = -1;  // ChartId, CurveId or CornerId value, by hold

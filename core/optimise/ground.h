@@ -23,7 +23,7 @@ class Ground {
   // Surface and features must outlive the ground. Builds one locator per chart.
   Ground(const Surface& surface, const Features& features);
 
-  // Closest place on what the attachment names. Free and Fixed: p itself.
+  // Closest place on what the attachment names; a chart of kWholeSurface is the whole surface. Free and Fixed: p itself.
   [[nodiscard]] Foothold project(const Attachment& attachment, const Vec3& p, std::int32_t hint = -1) const;
   // Closest place on the whole surface, whatever chart.
   [[nodiscard]] SurfacePoint closest(const Vec3& p, TriangleId hint = {}) const;

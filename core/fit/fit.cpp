@@ -1,0 +1,42 @@
+#include "core/fit/fit.h"
+
+#include <string>
+
+#include "core/base/context.h"
+#include "core/optimise/optimise.h"
+
+namespace strata {
+namespace {
+
+constexpr int kSmoothSweeps = 24;        // staircase to surface: information travels a ring a sweep, steps are about a cell deep
+constexpr int kFeatureSweeps = 40;
+constexpr int kPolishRounds = 8;
+constexpr double kPolishGoal = 0.4;      // scaled Jacobian the worst hexes are raised to, where possible
+constexpr double kAcceptable = 0.02;     // projections never push a good hex below
+
+}  // namespace
+
+FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context) {
+  for (const QuadVertices& q : mesh.quads)
+    for (VertexId v : q) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
+  OptimiseRequest request;
+  request.ground = &ground;
+  OptimiseOptions options;
+  options.sweeps = kSmoothSweeps;
+  options.min_scaled_jacobian = 2 * kAcceptable;
+  OptimiseResult result = optimise(std::move(mesh), request, options, context);
+  return {std::move(result.mesh), result.off_ground, 0};
+}
+
+FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context) {
+  OptimiseRequest request;
+  request.ground = &ground;
+  OptimiseOptions options;
+  options.sweeps = kFeatureSweeps;
+  options.min_scaled_jacobian = kAcceptable;
+  OptimiseResult result = optimise(std::move(mesh), request, options, context);
+  result = polish(std::move(result.mesh), request, kPolishGoal, kPolishRounds, context);
+  return {std::move(result.mesh), result.off_ground, 0};
+}
+
+}  // namespace strata
