@@ -48,6 +48,9 @@ struct SheetInsertion {
 // break the mesh. Empty: insert_sheet may be called.
 std::vector<VertexId> pinched_vertices(const HexMesh& mesh, const SheetRequest& request);
 
+// The faces between inner hexes and others, each given from its inner hex, by ascending hex and face. Boundary faces are not among them.
+std::vector<HexFace> faces_between(const HexMesh& mesh, const IdMap<HexId, std::uint8_t>& inner);
+
 // Inserts the sheet. Requires pinched_vertices(...) to be empty. Conforming all-hex result. New hexes take the region of their inner hex and
 // layer 0. O(size of the mesh) scan, work proportional to the faces.
 SheetInsertion insert_sheet(HexMesh mesh, const SheetRequest& request);
