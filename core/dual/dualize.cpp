@@ -166,6 +166,15 @@ struct Offsets {
   std::int64_t nodes = 0, hexes = 0;
 };
 
+MeshError too_many_cells(std::int64_t cells) {
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::CellBudgetExceeded;
+  diagnostic.message = "the octree's dual would have " + std::to_string(cells) +
+                       " cells; at most 2147483647 can be numbered. Ask for larger cells or set max_cells";
+  diagnostic.values = {{"cells", static_cast<double>(cells)}};
+  return {Failure::LimitExceeded, std::move(diagnostic)};
+}
+
 Offsets offsets_of(const Blocks& blocks) {
   const std::size_t count = blocks.octree.block_count();
   std::vector<std::int64_t> node(count), hex(count);
@@ -177,12 +186,7 @@ Offsets offsets_of(const Blocks& blocks) {
   offsets.nodes = exclusive_scan(node);
   offsets.hexes = exclusive_scan(hex);
   constexpr std::int64_t kMost = std::numeric_limits<std::int32_t>::max();
-  if (offsets.nodes > kMost || offsets.hexes > kMost)
-    throw MeshError(Failure::LimitExceeded,
-                    {.reason = Reason::CellBudgetExceeded,
-                     .message = "the octree's dual would have " + std::to_string(std::max(offsets.nodes, offsets.hexes)) +
-                                " cells; at most 2147483647 can be numbered. Ask for larger cells or set max_cells",
-                     .values = {{"cells", static_cast<double>(offsets.hexes)}}});
+  if (offsets.nodes > kMost || offsets.hexes > kMost) throw too_many_cells(std::max(offsets.nodes, offsets.hexes));
   offsets.node.assign(node.begin(), node.end());
   offsets.hex.assign(hex.begin(), hex.end());
   return offsets;

@@ -135,7 +135,7 @@ Topology topology_of(const HexMesh& mesh) {
 
 void expect_sound(const HexMesh& mesh) {
   const Topology t = topology_of(mesh);
-  EXPECT_EQ(t.worst_face_use, 2u);
+  EXPECT_LE(t.worst_face_use, 2u);
   EXPECT_EQ(t.bad_boundary_edges, 0u);
   EXPECT_EQ(t.bad_boundary_fans, 0u);
   EXPECT_EQ(t.euler, 1);
