@@ -32,7 +32,7 @@ void refuse(Reason reason, Place place, const std::string& message, Values value
   raise(Failure::InvalidInput, reason, place, message, std::move(values));
 }
 
-std::string quoted(std::string_view text) {
+std::string shown(std::string_view text) {
   std::string out = "'";
   for (char c : text.substr(0, kMostQuoted)) out += c >= ' ' && c <= '~' ? c : '?';
   if (text.size() > kMostQuoted) out += "...";

@@ -28,7 +28,7 @@ using Values = std::vector<std::pair<std::string, double>>;
 [[noreturn]] void refuse(Reason reason, Place place, const std::string& message, Values values = {});
 
 // Text of the file made safe for a message: quoted, cut to a few dozen characters, unprintable bytes as '?'.
-std::string quoted(std::string_view text);
+std::string shown(std::string_view text);
 
 // Throws MeshError(LimitExceeded, FileTooLarge) when a file holds more of something than an index can name.
 void require_indexable(std::size_t count, std::string_view what);

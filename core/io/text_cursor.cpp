@@ -50,7 +50,7 @@ double TextCursor::coordinate_here(std::string_view what) {
   }
   if (!std::isfinite(value))
     refuse(Reason::SurfaceNonFinite, place(),
-           "expected " + std::string(what) + ", found " + quoted({at_, static_cast<std::size_t>(after - at_)}) + ", which is not finite");
+           "expected " + std::string(what) + ", found " + shown({at_, static_cast<std::size_t>(after - at_)}) + ", which is not finite");
   at_ = after;
   return value;
 }
@@ -78,7 +78,7 @@ std::uint64_t TextCursor::count_here(std::string_view what) {
 void TextCursor::expected(std::string_view what) {
   const Place here = place();
   const std::string_view found = rest_of_word();
-  const std::string seen = !found.empty() ? quoted(found) : at_ == end_ ? "the end of the file" : "the end of the line";
+  const std::string seen = !found.empty() ? shown(found) : at_ == end_ ? "the end of the file" : "the end of the line";
   refuse(Reason::FileMalformed, here, "expected " + std::string(what) + ", found " + seen);
 }
 
