@@ -1,6 +1,7 @@
 // The one closest-point structure: a bounding-volume hierarchy over triangles of a surface. Immutable; any thread may ask.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -51,7 +52,9 @@ class Locator {
   };
   const Surface* surface_;
   std::vector<TriangleId> order_;
+  std::vector<std::array<Vec3, 3>> corners_;  // of order_, side by side in memory: leaves are read in one go
   std::vector<Node> nodes_;
+  std::vector<TriangleId> members_;           // sorted, when not all triangles of the surface: which hints may be used
 };
 
 }  // namespace strata
