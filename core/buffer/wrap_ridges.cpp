@@ -1,0 +1,283 @@
+// Ridge layers. Legend: C is the chart whose hexes S (those with a quad on C) are wrapped; at a vertex v of C's border the sheet makes a
+// copy v'. S keeps v', the neighbours keep v, and a strip of quads between v and v' appears on the surface.
+//
+//   outer strip (the usual)                 inner strip (where C's border is tangled)
+//   C C C C v'=ridge  strip  v  D D D       C C C C v'  strip  v=ridge  D D D
+//   the strip is D's: D's quads at          the strip is C's: C's quads at
+//   the ridge are new                       the ridge are new
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/base/context.h"
+#include "core/base/diagnostic.h"
+#include "core/buffer/chart_borders.h"
+#include "core/buffer/thicken.h"
+#include "core/buffer/wrap.h"
+#include "core/mesh/adjacency.h"
+#include "core/sheets/insert_sheet.h"
+
+namespace strata {
+namespace {
+
+constexpr double kSheetShare = 1.0 / 3;  // of the edges that the new layer cuts off
+
+// What has been done about a chart, for each strip rule.
+enum class Standing : std::uint8_t { Open, Alone, Wrapped, Skipped };  // Alone: to be tried again by itself
+struct Ledger {
+  std::array<IdMap<ChartId, Standing>, 2> of;
+  Standing& at(StripTakes strip, ChartId c) { return of[strip == StripTakes::Inner ? 0 : 1][c]; }
+  bool available(StripTakes strip, ChartId c) { return at(strip, c) == Standing::Open || at(strip, c) == Standing::Alone; }
+};
+
+struct Wish {
+  ChartId chart;
+  StripTakes strip;
+  friend bool operator==(const Wish&, const Wish&) = default;
+};
+
+// Wrapping the chart across either edge with an outer strip gives the quad's chart a fresh row there; wrapping the quad's own chart
+// with an inner strip does too, and asks nothing of the neighbours.
+std::optional<Wish> cure(const BorderConflict& conflict, const ChartBorders& borders, Ledger& ledger) {
+  const std::array<ChartId, 2> others{std::min(conflict.first, conflict.second), std::max(conflict.first, conflict.second)};
+  for (ChartId c : others)
+    if (c.valid() && borders.tangled[c] == 0 && ledger.available(StripTakes::Outer, c)) return Wish{c, StripTakes::Outer};
+  if (conflict.own.valid() && ledger.available(StripTakes::Inner, conflict.own)) return Wish{conflict.own, StripTakes::Inner};
+  return std::nullopt;
+}
+
+// Charts that share no vertex can be wrapped at once; the smallest chart's strip rule leads.
+std::vector<ChartId> choose_batch(const HexMesh& mesh, const std::vector<Wish>& wishes, Ledger& ledger) {
+  const StripTakes strip = wishes.front().strip;
+  std::size_t chart_count = 0;
+  for (const Wish& w : wishes) chart_count = std::max(chart_count, w.chart.index() + 1);
+  IdMap<ChartId, std::uint8_t> wished(chart_count, std::uint8_t{0}), refused(chart_count, std::uint8_t{0});
+  for (const Wish& w : wishes)
+    if (w.strip == strip) wished[w.chart] = 1;
+  std::vector<std::vector<QuadId>> quads(chart_count);
+  for (QuadId q : mesh.quads.ids())
+    if (const ChartId c = mesh.chart[q]; c.valid() && c.index() < chart_count && wished[c] != 0) quads[c.index()].push_back(q);
+  IdMap<VertexId, ChartId> taken(mesh.position.size());
+  std::vector<ChartId> batch;
+  for (ChartId c : wished.ids()) {
+    if (wished[c] == 0) continue;
+    const bool alone = ledger.at(strip, c) == Standing::Alone;
+    if (alone && !batch.empty()) continue;
+    const bool clear = std::all_of(quads[c.index()].begin(), quads[c.index()].end(), [&](QuadId q) {
+      return std::none_of(mesh.quads[q].begin(), mesh.quads[q].end(), [&](VertexId v) { return taken[v].valid(); });
+    });
+    if (!clear) continue;
+    for (QuadId q : quads[c.index()])
+      for (VertexId v : mesh.quads[q]) taken[v] = c;
+    batch.push_back(c);
+    if (alone) break;
+  }
+  return batch;
+}
+
+SheetRequest round_charts(const HexMesh& mesh, const IdMap<QuadId, QuadSides>& sides, const std::vector<ChartId>& batch,
+                          StripTakes strip) {
+  SheetRequest request;
+  request.strip = strip;
+  request.inner.assign(mesh.hexes.size(), 0);
+  for (QuadId q : mesh.quads.ids()) {
+    if (!std::binary_search(batch.begin(), batch.end(), mesh.chart[q])) continue;
+    for (HexId h : {sides[q].back, sides[q].front})
+      if (h.valid()) request.inner[h] = 1;
+  }
+  request.faces = faces_between(mesh, request.inner);
+  return request;
+}
+
+// The charts of the batch whose hexes touch a pinched vertex.
+std::vector<ChartId> pinched_charts(const HexMesh& mesh, const IdMap<QuadId, QuadSides>& sides, const std::vector<ChartId>& batch,
+                                    const std::vector<VertexId>& pinched) {
+  std::vector<ChartId> charts;
+  for (QuadId q : mesh.quads.ids()) {
+    const ChartId c = mesh.chart[q];
+    if (!std::binary_search(batch.begin(), batch.end(), c)) continue;
+    for (HexId h : {sides[q].back, sides[q].front}) {
+      if (!h.valid()) continue;
+      for (VertexId v : mesh.hexes[h])
+        if (std::binary_search(pinched.begin(), pinched.end(), v)) charts.push_back(c);
+    }
+  }
+  std::sort(charts.begin(), charts.end());
+  charts.erase(std::unique(charts.begin(), charts.end()), charts.end());
+  return charts;
+}
+
+Diagnostic pinch_report(ChartId chart, const Features& features, const std::vector<VertexId>& pinched) {
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::TopologyChanged;
+  diagnostic.severity = Severity::Info;
+  diagnostic.message = "no ridge layer round chart " + std::to_string(chart.value) + ": it would pinch the mesh at " +
+                       std::to_string(pinched.size()) + " vertices";
+  diagnostic.values = {{"chart", chart.value}, {"patch", features.patch_of_chart[chart].value}, {"vertices", static_cast<double>(pinched.size())}};
+  return diagnostic;
+}
+
+// What holds an old border vertex once the ridge has gone with its copy.
+class Reattach {
+ public:
+  Reattach(const HexMesh& mesh, const Features& features, const Sheet& sheet)
+      : mesh_(mesh), features_(features), sheet_(sheet), round_(quads_round_vertices(mesh)) {}
+
+  [[nodiscard]] Attachment of(VertexId v) const {
+    const std::vector<ChartId> charts = charts_at(v);
+    const Attachment was = mesh_.attachment[v];
+    if (was.hold == Hold::Corner && was.of >= 0 && static_cast<std::size_t>(was.of) < features_.corners.size())
+      for (CurveId curve : features_.corners[CornerId(was.of)].curves)
+        if (runs_between(curve, charts) && continues_at(curve, v, CornerId(was.of))) return {Hold::Curve, curve.value};
+    return {Hold::Chart, charts.size() == 1 ? charts.front().value : kWholeSurface};
+  }
+  // Neighbours of v along the boundary that are not copies made by the sheet.
+  [[nodiscard]] std::vector<VertexId> neighbours(VertexId v) const {
+    std::vector<VertexId> result;
+    for (QuadId q : round_.of(v)) {
+      const QuadVertices& quad = mesh_.quads[q];
+      const auto at = static_cast<std::size_t>(std::find(quad.begin(), quad.end(), v) - quad.begin());
+      for (VertexId w : {quad[(at + 1) & 3], quad[(at + 3) & 3]})
+        if (is_old(w) && std::find(result.begin(), result.end(), w) == result.end()) result.push_back(w);
+    }
+    return result;
+  }
+  [[nodiscard]] bool on_surface(VertexId v) const { return !round_.of(v).empty(); }
+
+ private:
+  [[nodiscard]] bool is_old(VertexId v) const { return v.index() < sheet_.inner_copy.size(); }
+  [[nodiscard]] std::vector<ChartId> charts_at(VertexId v) const {
+    std::vector<ChartId> charts;
+    for (QuadId q : round_.of(v))
+      if (std::find(charts.begin(), charts.end(), mesh_.chart[q]) == charts.end()) charts.push_back(mesh_.chart[q]);
+    std::sort(charts.begin(), charts.end());
+    return charts;
+  }
+  [[nodiscard]] bool runs_between(CurveId id, const std::vector<ChartId>& charts) const {
+    const Curve& curve = features_.curves[id];
+    const auto has = [&](ChartId c) { return std::binary_search(charts.begin(), charts.end(), c); };
+    return has(curve.left) && has(curve.right);
+  }
+  // An edge path of the curve leaves v: the next vertex is on the curve, or it is the curve's other corner.
+  [[nodiscard]] bool continues_at(CurveId id, VertexId v, CornerId from) const {
+    const Curve& curve = features_.curves[id];
+    for (VertexId w : neighbours(v)) {
+      if (sheet_.inner_copy[w].valid()) continue;  // along the sheet, not away from it
+      const Attachment& a = mesh_.attachment[w];
+      if (a.hold == Hold::Curve && a.of == id.value) return true;
+      if (a.hold == Hold::Corner && a.of != from.value && (a.of == curve.first.value || a.of == curve.last.value)) return true;
+    }
+    return false;
+  }
+
+  const HexMesh& mesh_;
+  const Features& features_;
+  const Sheet& sheet_;
+  VertexStars<QuadId> round_;
+};
+
+// Outer strip: the ridge went with the copies. Inner strip: it stayed, and the copies slide on C.
+void reattach(HexMesh& mesh, const Features& features, const Sheet& sheet, StripTakes strip) {
+  const Reattach decide(mesh, features, sheet);
+  std::vector<std::pair<VertexId, Attachment>> changes;
+  for (VertexId v : sheet.inner_copy.ids()) {
+    const VertexId copy = sheet.inner_copy[v];
+    if (!copy.valid() || mesh.attachment[v].hold == Hold::Free) continue;
+    const VertexId leaves = strip == StripTakes::Outer ? v : copy;
+    if (decide.on_surface(leaves)) changes.emplace_back(leaves, decide.of(leaves));
+  }
+  for (const auto& [v, attachment] : changes) mesh.attachment[v] = attachment;
+}
+
+// Inside the volume copies move into S; on the surface whichever vertex left the ridge moves away from it.
+std::vector<Push> plan_pushes(const HexMesh& mesh, const Sheet& sheet, StripTakes strip) {
+  const std::size_t old_vertices = sheet.inner_copy.size();
+  const VertexStars<QuadId> quads = quads_round_vertices(mesh);
+  const auto on_sheet = [&](VertexId v) { return v.index() >= old_vertices || sheet.inner_copy[v].valid(); };
+  // Sums over the hexes on the side that v moves into: edge neighbours off the sheet, and hex centres where there are none.
+  struct Pull {
+    Vec3 off = Vec3::Zero(), centre = Vec3::Zero();
+    int offs = 0, centres = 0;
+  };
+  IdMap<VertexId, std::int32_t> index(mesh.position.size(), -1);
+  std::vector<VertexId> moving;
+  for (VertexId v : sheet.inner_copy.ids()) {
+    if (!sheet.inner_copy[v].valid()) continue;
+    const VertexId copy = sheet.inner_copy[v];
+    const bool surface = !quads.of(v).empty() && !quads.of(copy).empty();
+    const VertexId mover = surface && strip == StripTakes::Outer ? v : copy;
+    index[mover] = static_cast<std::int32_t>(moving.size());
+    moving.push_back(mover);
+  }
+  std::vector<Pull> pulls(moving.size());
+  const auto on_surface = [&](VertexId v) { return !quads.of(v).empty(); };
+  for (HexId h = HexId(0); h < sheet.first_hex; h = HexId(h.value + 1)) {
+    const HexVertices& hex = mesh.hexes[h];
+    for (std::size_t c = 0; c < 8; ++c) {
+      if (index[hex[c]] < 0) continue;
+      Pull& pull = pulls[static_cast<std::size_t>(index[hex[c]])];
+      Vec3 centre = Vec3::Zero();
+      for (VertexId w : hex) centre += 0.125 * mesh.position[w];
+      pull.centre += centre;
+      ++pull.centres;
+      for (std::int8_t n : kHexCorners[c]) {
+        const VertexId w = hex[static_cast<std::size_t>(n)];
+        // A vertex of the surface moves along the surface.
+        if (on_sheet(w) || (on_surface(hex[c]) && !on_surface(w))) continue;
+        pull.off += mesh.position[w];
+        ++pull.offs;
+      }
+    }
+  }
+  std::vector<Push> pushes;
+  for (std::size_t i = 0; i < moving.size(); ++i) {
+    const Pull& pull = pulls[i];
+    const Vec3& p = mesh.position[moving[i]];
+    if (pull.offs > 0) pushes.push_back({moving[i], kSheetShare * (pull.off / pull.offs - p)});
+    else if (pull.centres > 0) pushes.push_back({moving[i], kSheetShare * (pull.centre / pull.centres - p)});
+  }
+  return pushes;
+}
+
+std::vector<Wish> gather_wishes(const HexMesh& mesh, const ChartBorders& borders, Ledger& ledger) {
+  std::vector<Wish> wishes;
+  for (const BorderConflict& conflict : border_conflicts(mesh, borders))
+    if (const auto wish = cure(conflict, borders, ledger)) wishes.push_back(*wish);
+  std::sort(wishes.begin(), wishes.end(), [](const Wish& a, const Wish& b) {
+    return a.strip != b.strip ? a.strip == StripTakes::Outer : a.chart < b.chart;
+  });
+  wishes.erase(std::unique(wishes.begin(), wishes.end()), wishes.end());
+  return wishes;
+}
+
+}  // namespace
+
+HexMesh wrap_ridges(HexMesh mesh, const Features& features, Context& context) {
+  Ledger ledger;
+  for (auto& map : ledger.of) map.assign(features.chart_count(), Standing::Open);
+  while (true) {
+    context.checkpoint();
+    const std::vector<Wish> wishes = gather_wishes(mesh, chart_borders(mesh, features.chart_count()), ledger);
+    if (wishes.empty()) return mesh;
+    const StripTakes strip = wishes.front().strip;
+    const std::vector<ChartId> batch = choose_batch(mesh, wishes, ledger);
+    const IdMap<QuadId, QuadSides> sides = quad_sides(mesh);
+    const SheetRequest request = round_charts(mesh, sides, batch, strip);
+    if (const auto pinched = pinched_vertices(mesh, request); !pinched.empty()) {
+      for (ChartId c : pinched_charts(mesh, sides, batch, pinched)) {
+        ledger.at(strip, c) = batch.size() == 1 ? Standing::Skipped : Standing::Alone;
+        if (batch.size() == 1) context.adjusted(pinch_report(c, features, pinched));
+      }
+      continue;
+    }
+    SheetInsertion done = insert_sheet(std::move(mesh), request);
+    mesh = std::move(done.mesh);
+    reattach(mesh, features, done.sheet, strip);
+    push_where_positive(mesh, plan_pushes(mesh, done.sheet, strip));
+    for (ChartId c : batch) ledger.at(strip, c) = Standing::Wrapped;
+  }
+}
+
+}  // namespace strata

@@ -1,0 +1,174 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <random>
+#include <set>
+#include <vector>
+
+#include "core/base/context.h"
+#include "core/buffer/wrap.h"
+#include "core/mesh/adjacency.h"
+#include "tests/support/grids.h"
+#include "tests/support/mesh_checks.h"
+
+namespace strata {
+namespace {
+
+using testing::check_topology;
+using testing::grid;
+
+// Features as the labels have them: a curve per pair of charts that meet, a corner per vertex of three charts or more; vertices attached.
+Features features_of_labels(HexMesh& mesh, std::size_t charts) {
+  Features features;
+  features.patch_of_chart.resize(charts);
+  for (ChartId c : features.patch_of_chart.ids()) features.patch_of_chart[c] = PatchId(c.value);
+  std::map<std::pair<int, int>, std::set<ChartId>> edges;
+  std::map<int, std::set<ChartId>> at;
+  for (QuadId q : mesh.quads.ids())
+    for (std::size_t i = 0; i < 4; ++i) {
+      const int a = mesh.quads[q][i].value, b = mesh.quads[q][(i + 1) & 3].value;
+      edges[{std::min(a, b), std::max(a, b)}].insert(mesh.chart[q]);
+      at[a].insert(mesh.chart[q]);
+    }
+  std::map<std::set<ChartId>, CurveId> curve;
+  std::map<int, std::set<CurveId>> curves_at;
+  for (const auto& [edge, pair] : edges) {
+    if (pair.size() < 2) continue;
+    if (!curve.contains(pair)) {
+      Curve fresh;
+      fresh.left = *pair.begin();
+      fresh.right = *std::next(pair.begin());
+      curve[pair] = features.curves.push_back(fresh);
+    }
+    curves_at[edge.first].insert(curve[pair]);
+    curves_at[edge.second].insert(curve[pair]);
+  }
+  for (const auto& [v, labels] : at) {
+    Attachment& held = mesh.attachment[VertexId(v)];
+    if (labels.size() > 2 || (labels.size() == 2 && curves_at[v].size() > 1)) {
+      Corner corner;
+      corner.curves.assign(curves_at[v].begin(), curves_at[v].end());
+      held = {Hold::Corner, features.corners.push_back(corner).value};
+    } else if (labels.size() == 2) {
+      held = {Hold::Curve, curves_at[v].begin()->value};
+    } else {
+      held = {Hold::Chart, labels.begin()->value};
+    }
+  }
+  return features;
+}
+
+void label(HexMesh& mesh, const std::vector<Vec3>& seeds) {
+  for (QuadId q : mesh.quads.ids()) {
+    Vec3 centre = Vec3::Zero();
+    for (VertexId v : mesh.quads[q]) centre += 0.25 * mesh.position[v];
+    int best = 0;
+    for (std::size_t i = 1; i < seeds.size(); ++i)
+      if ((seeds[i] - centre).norm() < (seeds[static_cast<std::size_t>(best)] - centre).norm()) best = static_cast<int>(i);
+    mesh.chart[q] = ChartId(best);
+    mesh.patch[q] = PatchId(best);
+  }
+}
+
+// Attachments say the truth: each corner and each curve's vertices lie where their charts meet.
+std::string check_attachments(const HexMesh& mesh, const Features& features) {
+  const VertexStars<QuadId> round = quads_round_vertices(mesh);
+  std::vector<int> corner_uses(features.corners.size(), 0);
+  for (VertexId v : mesh.position.ids()) {
+    std::set<ChartId> charts;
+    for (QuadId q : round.of(v)) charts.insert(mesh.chart[q]);
+    const Attachment& a = mesh.attachment[v];
+    const std::string where = "vertex " + std::to_string(v.value);
+    if (charts.empty() != (a.hold == Hold::Free)) return where + " is held though inside, or free though on the surface";
+    if (a.hold == Hold::Corner) ++corner_uses[static_cast<std::size_t>(a.of)];
+    if (a.hold == Hold::Chart && a.of >= 0 && charts != std::set<ChartId>{ChartId(a.of)}) return where + " is not on its chart alone";
+    if (a.hold == Hold::Curve) {
+      const Curve& curve = features.curves[CurveId(a.of)];
+      if (charts != std::set<ChartId>{curve.left, curve.right}) return where + " is not between its curve's charts";
+    }
+    if (a.hold == Hold::Chart && a.of < 0 && charts.size() < 2) return where + " holds the whole surface though on one chart";
+  }
+  for (std::size_t c = 0; c < corner_uses.size(); ++c)
+    if (corner_uses[c] != 1) return "corner " + std::to_string(c) + " has " + std::to_string(corner_uses[c]) + " vertices";
+  return "";
+}
+
+TEST(WrapRidges, LeavesAnAlignedCubeAlone) {
+  Context context;
+  HexMesh before = wrap_surface(grid(4, 4, 4), context);
+  const Features features = features_of_labels(before, 6);
+  const HexMesh mesh = wrap_ridges(before, features, context);
+  EXPECT_EQ(mesh.hexes.size(), before.hexes.size());
+}
+
+TEST(WrapRidges, GivesEveryQuadOneBorderEdgeWhereARidgeIsAStaircase) {
+  Context context;
+  HexMesh mesh = wrap_surface(grid(6, 6, 6), context);
+  label(mesh, {Vec3(0, 0.3, 0.9), Vec3(6, 5.2, 5.1)});
+  const Features features = features_of_labels(mesh, 2);
+  EXPECT_NE(testing::check_one_border_edge_per_quad(mesh), "");
+  mesh = wrap_ridges(std::move(mesh), features, context);
+  EXPECT_EQ(check_topology(mesh), "");
+  EXPECT_EQ(testing::check_one_border_edge_per_quad(mesh), "");
+  EXPECT_EQ(testing::check_quads_per_hex(mesh, 1), "");
+  EXPECT_EQ(check_attachments(mesh, features), "");
+  // Where the staircase turns, new quads are straight: the optimiser's work.
+  EXPECT_LT(testing::count_not_positive_hexes(mesh), static_cast<std::int64_t>(mesh.hexes.size() / 8));
+  EXPECT_TRUE(context.adjustments().empty());
+}
+
+TEST(WrapRidges, MovesCornersWithTheWrappedChart) {
+  Context context;
+  HexMesh mesh = wrap_surface(grid(6, 6, 6), context);
+  label(mesh, {Vec3(0, 0, 1), Vec3(6, 1, 5), Vec3(2, 6, 3)});
+  const Features features = features_of_labels(mesh, 3);
+  mesh = wrap_ridges(std::move(mesh), features, context);
+  EXPECT_EQ(check_topology(mesh), "");
+  EXPECT_EQ(check_attachments(mesh, features), "");
+  EXPECT_EQ(testing::check_one_border_edge_per_quad(mesh), "");
+}
+
+TEST(WrapRidges, KeepsRandomlyLabelledSolidsConforming) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> coordinate(0, 5);
+  int clean = 0, rounds = 30;
+  for (int round = 0; round < rounds; ++round) {
+    Context context;
+    HexMesh mesh = wrap_surface(round % 2 == 0 ? grid(5, 5, 5) : testing::random_solid(5, random), context);
+    std::vector<Vec3> seeds;
+    for (int i = 0; i < 2 + round % 5; ++i) seeds.emplace_back(coordinate(random), coordinate(random), coordinate(random));
+    label(mesh, seeds);
+    const Features features = features_of_labels(mesh, seeds.size());
+    mesh = wrap_ridges(std::move(mesh), features, context);
+    ASSERT_EQ(check_topology(mesh), "");
+    ASSERT_EQ(testing::check_quads_per_hex(mesh, 1), "");
+    const std::string wrong = testing::check_one_border_edge_per_quad(mesh);
+    if (wrong.empty()) ++clean;
+    else EXPECT_FALSE(context.adjustments().empty()) << wrong;
+  }
+  EXPECT_GT(clean, rounds * 3 / 5);
+}
+
+TEST(WrapRidges, ALayerRoundAChartThatCrossesAnInterfaceKeepsBothRegionsClosed) {
+  Context context;
+  HexMesh mesh = wrap_surface(testing::grid_of_regions(6, 4, 4, [](int x, int, int) { return x < 3 ? 0 : 1; }), context);
+  // The outside is cut by a staircase into two charts on either side of the interface.
+  for (QuadId q : mesh.quads.ids()) {
+    if (mesh.chart[q] == ChartId(6)) {
+      mesh.chart[q] = ChartId(4);
+      continue;
+    }
+    Vec3 centre = Vec3::Zero();
+    for (VertexId v : mesh.quads[q]) centre += 0.25 * mesh.position[v];
+    mesh.chart[q] = ChartId((centre.x() < 3 ? 0 : 2) + (centre.x() * 0.8 + centre.y() + centre.z() < 6.4 ? 0 : 1));
+  }
+  mesh.patch.assign(mesh.quads.size(), PatchId(0));
+  const Features features = features_of_labels(mesh, 5);
+  mesh = wrap_ridges(std::move(mesh), features, context);
+  EXPECT_EQ(check_topology(mesh), "");
+  EXPECT_EQ(testing::check_one_border_edge_per_quad(mesh), "");
+}
+
+}  // namespace
+}  // namespace strata
