@@ -1,0 +1,37 @@
+// Making room: the tops of columns leave the wall and push the volume before them, never through a hex.
+#pragma once
+
+#include <vector>
+
+#include "core/layers/columns.h"
+#include "core/layers/wall.h"
+#include "core/mesh/hex_mesh.h"
+#include "core/optimise/ground.h"
+
+namespace strata {
+
+class Context;
+
+// A sheet on its way from nothing to its thickness.
+struct GrowingSheet {
+  Columns columns;
+  std::vector<Foot> feet;          // of the columns
+  std::vector<double> thickness;   // wanted, normal to the wall
+};
+
+// Lifts the tops of the given sheet off their bottoms by a small part of the local size, all at once: hexes of no thickness become thin.
+HexMesh open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground);
+
+struct InflateResult {
+  HexMesh mesh;
+  std::int64_t short_columns = 0;   // that did not get their thickness
+};
+// Moves the tops of the active sheets to their thickness, in steps that keep every hex positive, and lets the rest of the mesh give way
+// between: walls of other sheets slide on their charts, inner sheets keep their shape. Bottoms of active sheets do not move.
+InflateResult inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
+                      const Ground& ground, int rounds, Context& context);
+
+// Height of a column normal to the wall, as it is.
+double height_of(const HexMesh& mesh, const GrowingSheet& sheet, std::size_t column);
+
+}  // namespace strata

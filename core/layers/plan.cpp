@@ -1,0 +1,354 @@
+#include "core/layers/plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <numeric>
+#include <set>
+
+namespace strata {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kJointBeatsCross = 120 * kDegree;   // sin t = sin t/2
+constexpr double kCrossFeasible = 165 * kDegree;     // beyond, a crossing or an imprint has next to no corner left
+constexpr double kImprintBest = 135 * kDegree;       // scaled Jacobian sin t = .71
+constexpr double kImprintFeasible = 150 * kDegree;
+
+struct BorderEdge {
+  FacetIndex facet = kNoFacet;   // of the front `from`
+  std::int8_t edge = 0;
+  FacetIndex other = kNoFacet;
+  double angle = 0;
+};
+
+// Statistics of all edges between two fronts.
+struct FrontPair {
+  double length = 0;
+  double angle = 0;   // length-weighted sum, then mean
+};
+using FrontPairs = std::map<std::pair<FrontIndex, FrontIndex>, FrontPair>;
+
+struct DisjointSets {
+  std::vector<std::int32_t> parent;
+  explicit DisjointSets(std::size_t count) : parent(count) { std::iota(parent.begin(), parent.end(), 0); }
+  std::int32_t find(std::int32_t x) {
+    while (parent[static_cast<std::size_t>(x)] != x) {
+      auto& p = parent[static_cast<std::size_t>(x)];
+      p = parent[static_cast<std::size_t>(p)];
+      x = p;
+    }
+    return x;
+  }
+  // The smaller root stays.
+  void join(std::int32_t a, std::int32_t b) {
+    a = find(a), b = find(b);
+    if (a != b) parent[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+  }
+};
+
+struct Planner {
+  const HexMesh& mesh;
+  const Facets& facets;
+  const std::vector<LayerSpec>& entries;
+  const IdMap<PatchId, PatchWish>& wishes;
+  const Surface& surface;
+  const Features& features;
+  const std::vector<std::uint8_t>& excluded;
+
+  LayerPlan plan;
+  std::vector<std::uint8_t> grows;      // by front
+  FrontPairs pairs;
+
+  [[nodiscard]] PatchId patch_of(FrontIndex f) const { return features.patch_of_chart[ChartId(f / 2)]; }
+  [[nodiscard]] const std::string& name_of(FrontIndex f) const { return surface.patch_names[patch_of(f)]; }
+  [[nodiscard]] const LayerSpec& entry_of(FrontIndex f) const {
+    return entries[static_cast<std::size_t>(wishes[patch_of(f)].entry)];
+  }
+  [[nodiscard]] bool growing(FrontIndex f) const { return f != kNoFront && grows[static_cast<std::size_t>(f)] != 0; }
+
+  void find_growing_fronts();
+  void measure_pairs();
+  void form_groups();
+  void order_groups();
+  void choose_wedges();
+  void wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& border);
+  void ending_changed(FrontIndex a, FrontIndex b, const std::string& why);
+};
+
+void Planner::ending_changed(FrontIndex a, FrontIndex b, const std::string& why) {
+  Diagnostic d;
+  d.reason = Reason::EndingChanged;
+  d.severity = Severity::Warning;
+  d.patch = name_of(a);
+  d.message = "layers on patch \"" + name_of(a) + "\" towards \"" + (b == kNoFront ? std::string("?") : name_of(b)) + "\": " + why;
+  for (const Diagnostic& seen : plan.changed)
+    if (seen.message == d.message) return;
+  plan.changed.push_back(std::move(d));
+}
+
+void Planner::find_growing_fronts() {
+  const std::size_t front_count = features.chart_count() * 2;
+  grows.assign(front_count, 0);
+  plan.group_of_front.assign(front_count, -1);
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
+    if (!facets.exists(f)) continue;
+    const FrontIndex front = facets.front(f);
+    if (front == kNoFront || grows[static_cast<std::size_t>(front)]) continue;
+    if (!excluded.empty() && excluded[static_cast<std::size_t>(front)]) continue;
+    const PatchWish& wish = wishes[patch_of(front)];
+    if (wish.entry < 0 || wish.law.count < 1) continue;
+    const std::optional<int>& side = entries[static_cast<std::size_t>(wish.entry)].side;
+    if (side && facets.on_interface(f) && mesh.region[facets.hex_face(f).hex].value + 1 != *side) continue;
+    grows[static_cast<std::size_t>(front)] = 1;
+  }
+}
+
+void Planner::measure_pairs() {
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
+    if (!facets.exists(f)) continue;
+    const FrontIndex front = facets.front(f);
+    if (!growing(front)) continue;
+    const QuadVertices q = facets.vertices(f);
+    for (int e = 0; e < 4; ++e) {
+      const FacetNeighbour n = facets.neighbour(f, e);
+      if (n.facet == kNoFacet) continue;
+      const FrontIndex other = facets.front(n.facet);
+      if (other == front || other == kNoFront) continue;
+      // A pair with layers on both sides is seen twice; both halves count alike.
+      const double length = (mesh.position[q[static_cast<std::size_t>(e)]] - mesh.position[q[static_cast<std::size_t>((e + 1) & 3)]]).norm();
+      FrontPair& pair = pairs[{std::min(front, other), std::max(front, other)}];
+      pair.length += length;
+      pair.angle += length * n.angle;
+    }
+  }
+  for (auto& [key, pair] : pairs) pair.angle = pair.length > 0 ? pair.angle / pair.length : std::numbers::pi;
+}
+
+// Correlation clustering, greedy: what was asked first, then the strongest preferences; a front may differ from another only while they
+// are in different groups, so a contradiction ends as a regular joint.
+void Planner::form_groups() {
+  struct Wish {
+    FrontIndex a, b;
+    bool same, asked;
+    double weight;
+  };
+  std::vector<Wish> order;
+  for (const auto& [key, pair] : pairs) {
+    const auto [a, b] = key;
+    if (!growing(a) || !growing(b)) continue;
+    const Ending ab = ending_towards(entry_of(a), name_of(b)), ba = ending_towards(entry_of(b), name_of(a));
+    const Meeting m = meeting_of_layers(ab, ba, pair.angle);
+    const bool asked_cross = ab == Ending::CrossImprint || ba == Ending::CrossImprint;
+    const bool asked = asked_cross || ab == Ending::Regular || ba == Ending::Regular;
+    if (asked_cross && m == Meeting::Regular) ending_changed(a, b, "too flat to cross-imprint, joined regularly");
+    order.push_back({a, b, m == Meeting::Regular, asked, pair.length * std::abs(pair.angle - kJointBeatsCross)});
+  }
+  std::stable_sort(order.begin(), order.end(), [](const Wish& x, const Wish& y) {
+    return x.asked != y.asked ? x.asked : x.weight > y.weight;
+  });
+  DisjointSets sets(grows.size());
+  std::set<std::pair<std::int32_t, std::int32_t>> apart;   // fronts that must differ, by wish
+  const auto must_differ = [&](std::int32_t ra, std::int32_t rb) {
+    return std::any_of(apart.begin(), apart.end(), [&](const auto& p) {
+      const auto x = sets.find(p.first), y = sets.find(p.second);
+      return (x == ra && y == rb) || (x == rb && y == ra);
+    });
+  };
+  for (const Wish& w : order) {
+    const std::int32_t ra = sets.find(w.a), rb = sets.find(w.b);
+    if (w.same) {
+      if (ra == rb) continue;
+      if (must_differ(ra, rb)) {
+        ending_changed(w.a, w.b, "cross-imprinted, because a chain of neighbours asks for it");
+        apart.insert({w.a, w.b});
+      } else {
+        sets.join(ra, rb);
+      }
+    } else if (ra == rb) {
+      ending_changed(w.a, w.b, "joined regularly, because a chain of neighbours joins the two");
+    } else {
+      apart.insert({w.a, w.b});
+    }
+  }
+  std::map<std::int32_t, std::size_t> group_of_root;
+  for (FrontIndex f = 0; f < static_cast<FrontIndex>(grows.size()); ++f) {
+    if (!growing(f)) continue;
+    const auto [at, fresh] = group_of_root.try_emplace(sets.find(f), plan.groups.size());
+    if (fresh) plan.groups.emplace_back();
+    LayerGroup& group = plan.groups[at->second];
+    group.fronts.push_back(f);
+    group.count = std::max(group.count, wishes[patch_of(f)].law.count);
+  }
+}
+
+// Thick groups first: their strips are wide, so what comes later has room on them. Groups with wedges last: nothing may be inserted
+// through a collapsed column.
+void Planner::order_groups() {
+  std::vector<double> area(grows.size(), 0), edge(grows.size(), 0);
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
+    if (!facets.exists(f) || !growing(facets.front(f))) continue;
+    const double a = area_vector(mesh, facets.vertices(f)).norm();
+    area[static_cast<std::size_t>(facets.front(f))] += a;
+    edge[static_cast<std::size_t>(facets.front(f))] += a * std::sqrt(a);
+  }
+  for (LayerGroup& group : plan.groups) {
+    double weight = 0, sum = 0;
+    for (FrontIndex f : group.fronts) {
+      const auto i = static_cast<std::size_t>(f);
+      const double size = area[i] > 0 ? edge[i] / area[i] : 1;
+      const ResolvedLayers& law = wishes[patch_of(f)].law;
+      double total = 0, h = law.first_height;
+      for (int k = 0; k < law.count; ++k, h *= law.growth) total += h;
+      sum += area[i] * (entry_of(f).relative ? total : total / std::max(size, std::numeric_limits<double>::min()));
+      weight += area[i];
+    }
+    group.relative_thickness = weight > 0 ? sum / weight : 0;
+  }
+  std::stable_sort(plan.groups.begin(), plan.groups.end(), [](const LayerGroup& a, const LayerGroup& b) {
+    if (a.wedge_vertices.empty() != b.wedge_vertices.empty()) return a.wedge_vertices.empty();
+    return a.relative_thickness > b.relative_thickness;
+  });
+  for (std::size_t g = 0; g < plan.groups.size(); ++g)
+    for (FrontIndex f : plan.groups[g].fronts) plan.group_of_front[static_cast<std::size_t>(f)] = static_cast<std::int32_t>(g);
+}
+
+void Planner::choose_wedges() {
+  for (std::size_t g = 0; g < plan.groups.size(); ++g)
+    for (FrontIndex f : plan.groups[g].fronts) plan.group_of_front[static_cast<std::size_t>(f)] = static_cast<std::int32_t>(g);
+  std::vector<std::vector<BorderEdge>> borders(plan.groups.size());
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
+    if (!facets.exists(f) || !growing(facets.front(f))) continue;
+    const std::int32_t group = plan.group_of_front[static_cast<std::size_t>(facets.front(f))];
+    for (int e = 0; e < 4; ++e) {
+      const FacetNeighbour n = facets.neighbour(f, e);
+      if (n.facet == kNoFacet) continue;
+      const FrontIndex other = facets.front(n.facet);
+      if (growing(other) && plan.group_of_front[static_cast<std::size_t>(other)] == group) continue;
+      borders[static_cast<std::size_t>(group)].push_back({f, static_cast<std::int8_t>(e), n.facet, n.angle});
+    }
+  }
+  for (std::size_t g = 0; g < plan.groups.size(); ++g) wedge_loops_of(g, borders[g]);
+}
+
+// A wedge needs the whole border loop, two quads of the group at each of its vertices, and no crossing on it (dossier 7.3, 7.5).
+void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& border) {
+  if (border.empty()) return;
+  const auto ends = [&](const BorderEdge& b) {
+    const QuadVertices q = facets.vertices(b.facet);
+    return std::pair{q[static_cast<std::size_t>(b.edge)], q[static_cast<std::size_t>((b.edge + 1) & 3)]};
+  };
+  std::vector<VertexId> vertices;
+  for (const BorderEdge& b : border) vertices.push_back(ends(b).first), vertices.push_back(ends(b).second);
+  std::sort(vertices.begin(), vertices.end());
+  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  const auto slot = [&](VertexId v) {
+    return static_cast<std::int32_t>(std::lower_bound(vertices.begin(), vertices.end(), v) - vertices.begin());
+  };
+  DisjointSets loops(vertices.size());
+  for (const BorderEdge& b : border) loops.join(slot(ends(b).first), slot(ends(b).second));
+
+  // Quads of the group round each border vertex, and border edges of each quad.
+  std::vector<std::int32_t> quads_at(vertices.size(), 0), edges_at(vertices.size(), 0);
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
+    if (!facets.exists(f) || !growing(facets.front(f))) continue;
+    if (plan.group_of_front[static_cast<std::size_t>(facets.front(f))] != static_cast<std::int32_t>(group)) continue;
+    for (VertexId v : facets.vertices(f))
+      if (std::binary_search(vertices.begin(), vertices.end(), v)) ++quads_at[static_cast<std::size_t>(slot(v))];
+  }
+  std::map<FacetIndex, int> edges_of_facet;
+  for (const BorderEdge& b : border) {
+    ++edges_of_facet[b.facet];
+    ++edges_at[static_cast<std::size_t>(slot(ends(b).first))], ++edges_at[static_cast<std::size_t>(slot(ends(b).second))];
+  }
+
+  struct Loop {
+    bool wedge_wanted = false, imprint_wanted = false, crossing = false, wedge_possible = true, imprint_possible = true;
+    FrontIndex from = kNoFront, to = kNoFront;
+  };
+  std::map<std::int32_t, Loop> loop_of;
+  for (const BorderEdge& b : border) {
+    Loop& loop = loop_of[loops.find(slot(ends(b).first))];
+    const FrontIndex from = facets.front(b.facet), to = facets.front(b.other);
+    if (growing(to)) {
+      loop.crossing = true;
+      continue;
+    }
+    double angle = b.angle;
+    if (to != kNoFront)
+      if (const auto at = pairs.find({std::min(from, to), std::max(from, to)}); at != pairs.end()) angle = at->second.angle;
+    const Ending asked = to == kNoFront ? entry_of(from).ending : ending_towards(entry_of(from), name_of(to));
+    const Meeting m = meeting_with_bare(asked, angle);
+    if (asked == Ending::Imprint && m == Meeting::Wedge) ending_changed(from, to, "too flat to imprint, ended in a wedge if possible");
+    (m == Meeting::Wedge ? loop.wedge_wanted : loop.imprint_wanted) = true;
+    if (m == Meeting::Wedge || loop.from == kNoFront) loop.from = from, loop.to = to;
+    if (angle > kImprintFeasible) loop.imprint_possible = false;
+    if (edges_of_facet[b.facet] != 1) loop.wedge_possible = false;
+  }
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    if (quads_at[i] != 2 || edges_at[i] != 2) loop_of[loops.find(static_cast<std::int32_t>(i))].wedge_possible = false;
+
+  std::set<std::int32_t> wedges;
+  for (auto& [root, loop] : loop_of) {
+    if (!loop.wedge_wanted) continue;
+    if (loop.crossing || !loop.wedge_possible) {
+      ending_changed(loop.from, loop.to, "a wedge does not fit the quads of this border, imprinted instead");
+    } else if (loop.imprint_wanted && loop.imprint_possible) {
+      ending_changed(loop.from, loop.to, "one border loop has one ending, imprinted instead of a wedge");
+    } else {
+      if (loop.imprint_wanted) ending_changed(loop.from, loop.to, "one border loop has one ending, ended in a wedge");
+      wedges.insert(root);
+    }
+  }
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    if (wedges.contains(loops.find(static_cast<std::int32_t>(i)))) plan.groups[group].wedge_vertices.push_back(vertices[i]);
+}
+
+}  // namespace
+
+IdMap<PatchId, PatchWish> match_patches(const std::vector<LayerSpec>& entries, const IdMap<PatchId, std::string>& patch_names) {
+  IdMap<PatchId, PatchWish> wishes(patch_names.size());
+  for (PatchId p : patch_names.ids())
+    for (std::size_t e = 0; e < entries.size() && wishes[p].entry < 0; ++e)
+      for (const std::string& pattern : entries[e].patches)
+        if (matches(pattern, patch_names[p])) {
+          wishes[p] = {static_cast<int>(e), resolve(entries[e], "layers[" + std::to_string(e) + "]")};
+          break;
+        }
+  return wishes;
+}
+
+Ending ending_towards(const LayerSpec& entry, const std::string& neighbour) {
+  for (const NeighbourEnding& n : entry.neighbours)
+    for (const std::string& pattern : n.patches)
+      if (matches(pattern, neighbour)) return n.ending;
+  return entry.ending;
+}
+
+Meeting meeting_of_layers(Ending a, Ending b, double angle) {
+  if (a == Ending::CrossImprint || b == Ending::CrossImprint)
+    return angle < kCrossFeasible ? Meeting::CrossImprint : Meeting::Regular;
+  if (a == Ending::Regular || b == Ending::Regular) return Meeting::Regular;
+  return angle <= kJointBeatsCross ? Meeting::CrossImprint : Meeting::Regular;
+}
+
+Meeting meeting_with_bare(Ending asked, double angle) {
+  if (asked == Ending::Wedge) return Meeting::Wedge;
+  if (asked == Ending::Imprint) return angle <= kImprintFeasible ? Meeting::Imprint : Meeting::Wedge;
+  return angle <= kImprintBest ? Meeting::Imprint : Meeting::Wedge;
+}
+
+LayerPlan plan_layers(const HexMesh& mesh, const Facets& facets, const std::vector<LayerSpec>& entries,
+                      const IdMap<PatchId, PatchWish>& wishes, const Surface& surface, const Features& features,
+                      const std::vector<std::uint8_t>& excluded) {
+  Planner planner{mesh, facets, entries, wishes, surface, features, excluded, {}, {}, {}};
+  planner.find_growing_fronts();
+  planner.measure_pairs();
+  planner.form_groups();
+  planner.choose_wedges();
+  planner.order_groups();
+  return std::move(planner.plan);
+}
+
+}  // namespace strata

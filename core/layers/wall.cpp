@@ -1,0 +1,154 @@
+#include "core/layers/wall.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/parallel.h"
+
+namespace strata {
+namespace {
+
+constexpr double kGoodVisibility = 0.7;   // the mean of the normals serves while no normal turns further than 45 degrees from it
+constexpr double kMostStretch = 2;        // longer columns would cross their neighbours before they gain height
+constexpr double kGapShare = 0.35;        // of the way to the opposite wall, which may want layers too
+constexpr double kRayStart = 1e-3;        // of the local size: off the own wall
+constexpr double kThicknessSlope = 0.4;   // largest change of thickness per unit length along the wall
+constexpr int kSlopeSweeps = 60;
+
+// The side of the facet's quad that is seen: +1 when the quad's own normal points in.
+double sense(FacetIndex facet) { return side_of(facet) == FacetSide::Front ? 1.0 : -1.0; }
+
+}  // namespace
+
+std::vector<FacetIndex> wall_of_group(const HexMesh& mesh, const LayerPlan& plan, std::int32_t group,
+                                      const std::vector<std::int32_t>& widened) {
+  std::vector<FacetIndex> wall;
+  for (QuadId q : mesh.quads.ids()) {
+    if (q.index() < widened.size() && widened[q.index()] == group) wall.push_back(facet_of(q, FacetSide::Back));
+    if (!mesh.chart[q].valid()) continue;
+    for (FacetSide side : {FacetSide::Back, FacetSide::Front})
+      if (plan.group_of_front[static_cast<std::size_t>(front_of(mesh.chart[q], side))] == group)
+        wall.push_back(facet_of(q, side));
+  }
+  return wall;
+}
+
+Vec3 inward_normal(const HexMesh& mesh, FacetIndex facet, std::size_t corner) {
+  const QuadVertices& q = mesh.quads[quad_of(facet)];
+  const Vec3 p = mesh.position[q[corner]];
+  const Vec3 n = (mesh.position[q[(corner + 1) & 3]] - p).cross(mesh.position[q[(corner + 3) & 3]] - p);
+  const double length = n.norm();
+  return length > 0 ? Vec3(n * (sense(facet) / length)) : Vec3(Vec3::Zero());
+}
+
+Vec3 most_visible(const std::vector<Vec3>& normals) {
+  Vec3 mean = Vec3::Zero();
+  for (const Vec3& n : normals) mean += n;
+  const auto least = [&](const Vec3& d) {
+    double dot = 1;
+    for (const Vec3& n : normals) dot = std::min(dot, n.dot(d));
+    return dot;
+  };
+  if (mean.norm() > 0 && least(mean.normalized()) >= kGoodVisibility) return mean.normalized();
+  // Centre of the smallest ball round the normals, by Badoiu and Clarkson's steps towards the farthest.
+  Vec3 centre = mean / static_cast<double>(std::max<std::size_t>(normals.size(), 1));
+  for (int i = 1; i <= 200; ++i) {
+    const auto far = std::max_element(normals.begin(), normals.end(), [&](const Vec3& a, const Vec3& b) {
+      return (a - centre).squaredNorm() < (b - centre).squaredNorm();
+    });
+    if (far == normals.end()) break;
+    centre += (*far - centre) / (i + 1);
+  }
+  return centre.norm() > 0 ? Vec3(centre.normalized()) : mean;
+}
+
+std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns, const Ground& ground,
+                          const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes) {
+  const std::size_t count = columns.size();
+  std::vector<Foot> feet(count);
+  struct At {
+    std::int32_t column;
+    FacetIndex facet;
+    std::int32_t corner;
+  };
+  std::vector<At> at;
+  for (FacetIndex f : wall)
+    for (std::size_t i = 0; i < 4; ++i)
+      if (const std::int32_t c = columns.find(mesh.quads[quad_of(f)][i]); c >= 0) at.push_back({c, f, static_cast<std::int32_t>(i)});
+  std::sort(at.begin(), at.end(), [](const At& a, const At& b) {
+    return a.column != b.column ? a.column < b.column : a.facet < b.facet;
+  });
+  std::vector<Vec3> normals;
+  for (std::size_t i = 0; i < at.size();) {
+    const auto c = static_cast<std::size_t>(at[i].column);
+    Foot& foot = feet[c];
+    normals.clear();
+    double log_height = 0, growth = 0;
+    int laws = 0, relatives = 0, edges = 0;
+    std::size_t j = i;
+    for (; j < at.size() && at[j].column == at[i].column; ++j) {
+      const QuadVertices& q = mesh.quads[quad_of(at[j].facet)];
+      const auto k = static_cast<std::size_t>(at[j].corner);
+      if (const Vec3 n = inward_normal(mesh, at[j].facet, k); n.squaredNorm() > 0) normals.push_back(n);
+      // All four edges: a strip quad's short side alone would mislead.
+      for (std::size_t e = 0; e < 4; ++e, ++edges) foot.size += (mesh.position[q[e]] - mesh.position[q[(e + 1) & 3]]).norm();
+      const PatchWish& wish = wishes[mesh.patch[quad_of(at[j].facet)]];
+      if (wish.entry < 0) continue;
+      foot.front = front_of(mesh.chart[quad_of(at[j].facet)], side_of(at[j].facet));
+      const bool relative = entries[static_cast<std::size_t>(wish.entry)].relative;
+      log_height += std::log(wish.law.first_height);
+      growth += wish.law.growth;
+      relatives += relative, ++laws;
+    }
+    foot.size /= std::max(edges, 1);
+    if (laws > 0) {
+      // Geometric mean where patches meet; relative heights are in units of the size.
+      foot.first_height = std::exp((log_height + relatives * std::log(foot.size)) / laws);
+      foot.growth = growth / laws;
+    }
+    foot.direction = most_visible(normals);
+    const Attachment& held = mesh.attachment[columns.top[c]];
+    if (held.hold == Hold::Chart || held.hold == Hold::Curve) {
+      const Vec3 d = ground.project(held, mesh.position[columns.bottom[c]]).direction;
+      const Vec3 along = held.hold == Hold::Chart ? Vec3(foot.direction - d * d.dot(foot.direction)) : Vec3(d * d.dot(foot.direction));
+      if (along.norm() > 0) foot.direction = along.normalized();
+    }
+    double cosine = 0;
+    for (const Vec3& n : normals) cosine += n.dot(foot.direction);
+    cosine = normals.empty() ? 1 : cosine / static_cast<double>(normals.size());
+    foot.stretch = std::min(kMostStretch, 1 / std::max(cosine, 1 / kMostStretch));
+    i = j;
+  }
+  return feet;
+}
+
+std::vector<double> thickness_at(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns,
+                                 const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws, const Locator& locator) {
+  std::vector<double> thickness(columns.size());
+  parallel_for(columns.size(), [&](std::size_t c) {
+    thickness[c] = wished_thickness(laws[c], feet[c].size);
+    if (mesh.attachment[columns.top[c]].hold != Hold::Free) return;   // a ray along the surface hits it
+    const Vec3 from = mesh.position[columns.bottom[c]] + feet[c].direction * (kRayStart * feet[c].size);
+    const double limit = thickness[c] * feet[c].stretch / kGapShare;
+    if (const auto hit = locator.first_hit(from, feet[c].direction, limit))
+      thickness[c] = std::min(thickness[c], std::max(hit->s * kGapShare / feet[c].stretch, kRayStart * feet[c].size));
+  }, 256);
+  for (int sweep = 0; sweep < kSlopeSweeps; ++sweep) {
+    bool changed = false;
+    for (FacetIndex f : wall) {
+      const QuadVertices& q = mesh.quads[quad_of(f)];
+      for (std::size_t e = 0; e < 4; ++e) {
+        const std::int32_t a = columns.find(q[e]), b = columns.find(q[(e + 1) & 3]);
+        if (a < 0 || b < 0) continue;
+        const double slope = kThicknessSlope * (mesh.position[q[e]] - mesh.position[q[(e + 1) & 3]]).norm();
+        double &ta = thickness[static_cast<std::size_t>(a)], &tb = thickness[static_cast<std::size_t>(b)];
+        if (ta > tb + slope) ta = tb + slope, changed = true;
+        if (tb > ta + slope) tb = ta + slope, changed = true;
+      }
+    }
+    if (!changed) break;
+  }
+  return thickness;
+}
+
+}  // namespace strata

@@ -1,0 +1,41 @@
+// The wall under a group: its facets, and at each column's foot the direction, the size and the heights wanted there.
+#pragma once
+
+#include <vector>
+
+#include "core/layers/columns.h"
+#include "core/layers/facets.h"
+#include "core/layers/plan.h"
+#include "core/layers/size_law.h"
+#include "core/optimise/ground.h"
+#include "core/surface/locator.h"
+
+namespace strata {
+
+// Facets of the group as the mesh is now, ascending; `widened` (by quad, may be shorter) adds bare quads to a group.
+std::vector<FacetIndex> wall_of_group(const HexMesh& mesh, const LayerPlan& plan, std::int32_t group,
+                                      const std::vector<std::int32_t>& widened);
+
+// Into the volume, at the corner of the facet that is vertex i of the quad; unit, or zero where the corner is flat.
+Vec3 inward_normal(const HexMesh& mesh, FacetIndex facet, std::size_t corner);
+
+// The direction from which all the normals are seen best: maximises the smallest dot product (Kallinderis and Ward 1993, visibility).
+Vec3 most_visible(const std::vector<Vec3>& normals);
+
+// At each column's foot.
+struct Foot {
+  Vec3 direction = Vec3::Zero();  // unit; along the surface where the column's top is held there
+  double stretch = 1;             // column length over height normal to the wall
+  double size = 0;                // mean edge length of the wall there
+  FrontIndex front = kNoFront;    // one of the fronts it stands on
+  double first_height = 0;        // wished, working frame
+  double growth = 1;
+};
+std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns, const Ground& ground,
+                          const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes);
+
+// For each foot the thickness (normal to the wall) that fits: the law's wish, at most a share of the gap in front of the wall, graded.
+std::vector<double> thickness_at(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns,
+                                 const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws, const Locator& locator);
+
+}  // namespace strata
