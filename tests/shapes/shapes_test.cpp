@@ -74,7 +74,7 @@ TEST(Shapes, NoEdgeOfTheRocketIsSharperThanARightAngleByMuch) {
 TEST(Shapes, TheRocketHasItsPatches) {
   const auto surface = rocket(1);
   const std::set<std::string> names(surface.patch_names.begin(), surface.patch_names.end());
-  const std::set<std::string> wanted = {"nose",       "body",          "fins",  "base",   "nozzle_outer", "nozzle_lip",
+  const std::set<std::string> wanted = {"nose",         "body",          "fins",  "base",   "nozzle_outer", "nozzle_lip",
                                         "nozzle_inner", "nozzle_throat", "inlet", "outlet", "farfield"};
   EXPECT_EQ(names, wanted);
 }
