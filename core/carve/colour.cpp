@@ -1,0 +1,290 @@
+#include "core/carve/colour.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/context.h"
+#include "core/base/diagnostic.h"
+#include "core/base/parallel.h"
+#include "core/mesh/hex.h"
+
+namespace strata {
+namespace {
+
+constexpr double kHair = 1e-6;         // of an edge: a node on the surface must not leak from one side to the other
+constexpr std::int32_t kPocket = 8;    // nodes: smaller components are no regions
+constexpr double kClearlyInside = 0.75;  // winding number that tells a leak from noise round an open border
+constexpr std::size_t kLeakSamples = 4096;
+constexpr std::size_t kNearestNodes = 64;  // tried for each seed point: enough that one sees it past a thin wall
+
+// An edge between two nodes near the surface, and the triangle that cuts it, if any.
+struct Link {
+  VertexId a, b;
+  TriangleId hit;
+};
+
+std::optional<Locator::Hit> crossing(const Locator& locator, const Vec3& from, const Vec3& to) {
+  const Vec3 d = to - from;
+  return locator.first_hit(from - kHair * d, d, 1 + 2 * kHair);
+}
+
+std::vector<Link> links_near_surface(const Dual& dual, const Locator& locator) {
+  std::vector<std::pair<VertexId, VertexId>> pairs;
+  for (const HexVertices& hex : dual.mesh.hexes)
+    for (const auto& edge : kHexEdges) {
+      const VertexId a = hex[static_cast<std::size_t>(edge[0])], b = hex[static_cast<std::size_t>(edge[1])];
+      if (dual.cut[a] != 0 && dual.cut[b] != 0) pairs.emplace_back(std::min(a, b), std::max(a, b));
+    }
+  parallel_sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  std::vector<Link> links(pairs.size());
+  parallel_for(
+      pairs.size(),
+      [&](std::size_t i) {
+        const auto [a, b] = pairs[i];
+        const auto hit = crossing(locator, dual.mesh.position[a], dual.mesh.position[b]);
+        links[i] = {a, b, hit ? hit->triangle : TriangleId{}};
+      },
+      128);
+  return links;
+}
+
+// Components numbered by their smallest node.
+struct Components {
+  IdMap<VertexId, std::int32_t> of;
+  std::vector<std::int32_t> size;
+};
+
+Components flood(const Dual& dual, const std::vector<Link>& links, const std::vector<std::uint8_t>& side) {
+  const std::size_t nodes = dual.mesh.position.size();
+  std::vector<std::int32_t> parent(nodes);
+  for (std::size_t i = 0; i < nodes; ++i) parent[i] = static_cast<std::int32_t>(i);
+  const auto root = [&](std::int32_t i) {
+    while (parent[static_cast<std::size_t>(i)] != i) {
+      auto& p = parent[static_cast<std::size_t>(i)];
+      p = parent[static_cast<std::size_t>(p)];
+      i = p;
+    }
+    return i;
+  };
+  const auto join = [&](VertexId a, VertexId b) {
+    if (!side.empty() && side[a.index()] != side[b.index()]) return;
+    const std::int32_t ra = root(a.value), rb = root(b.value);
+    parent[static_cast<std::size_t>(std::max(ra, rb))] = std::min(ra, rb);
+  };
+  for (const HexVertices& hex : dual.mesh.hexes)
+    for (const auto& edge : kHexEdges) {
+      const VertexId a = hex[static_cast<std::size_t>(edge[0])], b = hex[static_cast<std::size_t>(edge[1])];
+      if (dual.cut[a] == 0 || dual.cut[b] == 0) join(a, b);
+    }
+  for (const Link& link : links)
+    if (!link.hit.valid()) join(link.a, link.b);
+  Components result;
+  result.of.resize(nodes);
+  for (std::size_t i = 0; i < nodes; ++i) {
+    const std::int32_t r = root(static_cast<std::int32_t>(i));
+    if (r == static_cast<std::int32_t>(i)) {
+      result.of[VertexId(i)] = static_cast<std::int32_t>(result.size.size());
+      result.size.push_back(0);
+    } else {
+      result.of[VertexId(i)] = result.of[VertexId(r)];
+    }
+    ++result.size[static_cast<std::size_t>(result.of[VertexId(i)])];
+  }
+  return result;
+}
+
+// Per component: 1 when it holds a node on the root cube's border, which the octree keeps clear of the surface.
+std::vector<std::uint8_t> find_outside(const Dual& dual, const Components& components) {
+  Box box;
+  for (const Vec3& p : dual.mesh.position) box.add(p);
+  std::vector<std::uint8_t> outside(components.size.size(), 0);
+  for (VertexId v : dual.mesh.position.ids()) {
+    const Vec3& p = dual.mesh.position[v];
+    if ((p.array() == box.min.array()).any() || (p.array() == box.max.array()).any())
+      outside[static_cast<std::size_t>(components.of[v])] = 1;
+  }
+  return outside;
+}
+
+// Nodes of outside components that the surface winds round: a flood that came through a hole. Empty: no leak.
+std::vector<std::uint8_t> leaked_side(const Dual& dual, const Components& components, const std::vector<std::uint8_t>& outside,
+                                      const Locator& locator) {
+  const auto is_outside = [&](std::size_t i) { return outside[static_cast<std::size_t>(components.of[VertexId(i)])] != 0; };
+  const auto winding = [&](std::size_t i) { return locator.winding_number(dual.mesh.position[VertexId(i)]); };
+  std::vector<std::size_t> candidates;
+  for (std::size_t i = 0; i < dual.cut.size(); ++i)
+    if (is_outside(i)) candidates.push_back(i);
+  const std::size_t stride = candidates.size() / kLeakSamples + 1;
+  bool leaks = false;
+  for (std::size_t i = 0; i < candidates.size() && !leaks; i += stride) leaks = winding(candidates[i]) > kClearlyInside;
+  if (!leaks) return {};
+  std::vector<std::uint8_t> side(dual.mesh.position.size(), 0);
+  parallel_for(side.size(), [&](std::size_t i) { side[i] = is_outside(i) && winding(i) > 0.5; }, 128);
+  return side;
+}
+
+std::string point_text(const Vec3& p) {
+  return "(" + std::to_string(p.x()) + ", " + std::to_string(p.y()) + ", " + std::to_string(p.z()) + ")";
+}
+
+[[noreturn]] void throw_not_found(std::string message, std::string field, const Box& box) {
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::RegionNotFound;
+  diagnostic.message = std::move(message);
+  diagnostic.field = std::move(field);
+  diagnostic.box = box;
+  throw MeshError(Failure::InvalidInput, std::move(diagnostic));
+}
+
+// The component of the nearest node that sees the point, pockets only when nothing else does; -1: none sees it.
+std::int32_t component_of_point(const Vec3& p, const Dual& dual, const Components& components, const Locator& locator) {
+  std::vector<std::pair<double, VertexId>> nearest;
+  nearest.reserve(dual.mesh.position.size());
+  for (VertexId v : dual.mesh.position.ids()) nearest.emplace_back((dual.mesh.position[v] - p).squaredNorm(), v);
+  const std::size_t tried = std::min(kNearestNodes, nearest.size());
+  std::partial_sort(nearest.begin(), nearest.begin() + static_cast<std::ptrdiff_t>(tried), nearest.end());
+  std::int32_t pocket = -1;
+  for (std::size_t i = 0; i < tried; ++i) {
+    if (!sees(locator, p, dual.mesh.position[nearest[i].second])) continue;
+    const std::int32_t c = components.of[nearest[i].second];
+    if (components.size[static_cast<std::size_t>(c)] >= kPocket) return c;
+    if (pocket < 0) pocket = c;
+  }
+  return pocket;
+}
+
+// Components next to the outside, also over nodes that lie on the surface.
+std::vector<std::uint8_t> next_to_outside(const Components& components, const std::vector<std::uint8_t>& outside,
+                                          const std::vector<Link>& links) {
+  std::vector<std::uint8_t> next(outside.size(), 0);
+  for (int pass = 0; pass < 2; ++pass) {
+    const std::vector<std::uint8_t> before = next;
+    const auto is_source = [&](std::int32_t c) {
+      const auto i = static_cast<std::size_t>(c);
+      return outside[i] != 0 || (before[i] != 0 && components.size[i] < kPocket);
+    };
+    for (const Link& link : links) {
+      const std::int32_t a = components.of[link.a], b = components.of[link.b];
+      if (is_source(a)) next[static_cast<std::size_t>(b)] = 1;
+      if (is_source(b)) next[static_cast<std::size_t>(a)] = 1;
+    }
+  }
+  return next;
+}
+
+struct Numbering {
+  std::vector<std::int32_t> region;  // per component
+  std::int32_t count = 0;
+};
+
+Numbering number_by_points(const Dual& dual, const Components& components, const std::vector<std::uint8_t>& outside,
+                           const Surface& surface, const Locator& locator, const std::vector<Vec3>& points, Context& context) {
+  Numbering numbering{std::vector<std::int32_t>(outside.size(), kVoid), static_cast<std::int32_t>(points.size())};
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const std::string name = "seed point " + std::to_string(i + 1) + " " + point_text(surface.frame.to_input(points[i]));
+    const std::string field = "volume.points[" + std::to_string(i) + "]";
+    Box box;
+    box.add(surface.frame.to_input(points[i]));
+    const std::int32_t c = component_of_point(points[i], dual, components, locator);
+    if (c < 0) throw_not_found(name + " lies on the surface or in a gap narrower than the cells", field, box);
+    if (outside[static_cast<std::size_t>(c)] != 0) {
+      const bool leak = !surface.closed && locator.winding_number(points[i]) > 0.5;
+      throw_not_found(name + (leak ? " leaks out: the surface round it is not closed" : " lies outside every closed surface"), field, box);
+    }
+    auto& region = numbering.region[static_cast<std::size_t>(c)];
+    if (region < 0) {
+      region = static_cast<std::int32_t>(i);
+      continue;
+    }
+    Diagnostic same;
+    same.reason = Reason::RegionNotFound;
+    same.severity = Severity::Warning;
+    same.message = name + " lies in the same region as seed point " + std::to_string(region + 1) + ": no region of its own";
+    same.field = field;
+    same.box = box;
+    context.adjusted(std::move(same));
+  }
+  return numbering;
+}
+
+Numbering number_bounded(const Components& components, const std::vector<std::uint8_t>& outside, const std::vector<Link>& links,
+                         VolumeMode mode) {
+  Numbering numbering{std::vector<std::int32_t>(outside.size(), kVoid), 0};
+  std::vector<std::uint8_t> wanted(outside.size(), 1);
+  if (mode == VolumeMode::Outermost) wanted = next_to_outside(components, outside, links);
+  for (std::size_t c = 0; c < outside.size(); ++c) {
+    if (outside[c] != 0 || wanted[c] == 0 || components.size[c] < kPocket) continue;
+    if (mode == VolumeMode::Solid) {
+      numbering.region[c] = 0;
+      numbering.count = 1;
+    } else {
+      numbering.region[c] = numbering.count++;
+    }
+  }
+  return numbering;
+}
+
+// A patch is an interface when it cuts more edges between two meshed regions than edges to the void.
+IdMap<PatchId, std::uint8_t> find_interfaces(const std::vector<Link>& links, const NodeColours& colours, const Surface& surface) {
+  IdMap<PatchId, std::int64_t> balance(surface.patch_names.size(), 0);
+  for (const Link& link : links) {
+    if (!link.hit.valid()) continue;
+    const std::int32_t a = colours.colour[link.a], b = colours.colour[link.b];
+    const PatchId patch = surface.patch[link.hit];
+    if (a >= 0 && b >= 0 && a != b) ++balance[patch];
+    if ((a >= 0 && b == kVoid) || (a == kVoid && b >= 0)) --balance[patch];
+  }
+  IdMap<PatchId, std::uint8_t> interface(balance.size(), std::uint8_t{0});
+  for (PatchId p : balance.ids()) interface[p] = balance[p] > 0;
+  return interface;
+}
+
+}  // namespace
+
+bool sees(const Locator& locator, const Vec3& from, const Vec3& to) {
+  // A seed or centre may itself lie within a hair of the surface, so only the far end is lengthened.
+  const Vec3 d = to - from;
+  return !(d.squaredNorm() > 0) || !locator.first_hit(from, d, 1 + kHair);
+}
+
+NodeColours colour_nodes(const Dual& dual, const Surface& surface, const Locator& locator, const VolumeSpec& volume, Context& context) {
+  const std::vector<Link> links = links_near_surface(dual, locator);
+  context.checkpoint();
+  Components components = flood(dual, links, {});
+  std::vector<std::uint8_t> outside = find_outside(dual, components);
+  if (!surface.closed) {
+    if (const auto side = leaked_side(dual, components, outside, locator); !side.empty()) {
+      // Flood again, with the winding number's half level as a wall across the holes.
+      Components walled = flood(dual, links, side);
+      std::vector<std::uint8_t> still_outside(walled.size.size(), 0);
+      for (VertexId v : dual.mesh.position.ids())
+        if (side[v.index()] == 0 && outside[static_cast<std::size_t>(components.of[v])] != 0)
+          still_outside[static_cast<std::size_t>(walled.of[v])] = 1;
+      components = std::move(walled);
+      outside = std::move(still_outside);
+    }
+  }
+  context.checkpoint();
+  const Numbering numbering = volume.mode == VolumeMode::Points
+                                  ? number_by_points(dual, components, outside, surface, locator, volume.points, context)
+                                  : number_bounded(components, outside, links, volume.mode);
+  if (numbering.count == 0)
+    throw_not_found(surface.closed ? "no volume is enclosed by the surface at this cell size"
+                                   : "no volume is enclosed: the surface is not closed", "volume", {});
+  NodeColours result;
+  result.regions = numbering.count;
+  result.colour.resize(dual.mesh.position.size());
+  for (VertexId v : dual.mesh.position.ids()) {
+    const auto c = static_cast<std::size_t>(components.of[v]);
+    const std::int32_t region = numbering.region[c];
+    result.colour[v] = region >= 0 ? region : (outside[c] == 0 && components.size[c] < kPocket ? kUndecided : kVoid);
+  }
+  result.interface = find_interfaces(links, result, surface);
+  return result;
+}
+
+}  // namespace strata

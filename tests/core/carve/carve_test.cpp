@@ -1,0 +1,203 @@
+#include "core/carve/carve.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "core/base/context.h"
+#include "core/base/diagnostic.h"
+#include "core/buffer/wrap.h"
+#include "tests/support/grids.h"
+#include "tests/support/mesh_checks.h"
+#include "tests/support/shapes.h"
+
+namespace strata {
+namespace {
+
+using testing::check_topology;
+
+// A uniform grid of nodes over [-0.8, 0.8]^3, as the dual of a uniform octree is. `shift` moves it off the symmetry planes.
+Dual uniform_dual(const Locator& locator, int n, double shift = 0.013) {
+  Dual dual;
+  dual.mesh = testing::grid(n, n, n);
+  dual.mesh.quads.clear();
+  dual.mesh.patch.clear();
+  dual.mesh.chart.clear();
+  dual.mesh.region.assign(dual.mesh.hexes.size(), RegionId());
+  const double size = 1.6 / n;
+  dual.cell_size.assign(dual.mesh.position.size(), static_cast<float>(size));
+  dual.cut.resize(dual.mesh.position.size());
+  for (VertexId v : dual.mesh.position.ids()) {
+    Vec3& p = dual.mesh.position[v];
+    p = Vec3::Constant(-0.8 + shift) + size * p;
+    dual.cut[v] = locator.closest(p, 4 * size).triangle.valid();
+  }
+  return dual;
+}
+
+struct Made {
+  Surface surface;
+  HexMesh mesh;
+  std::vector<Diagnostic> adjustments;
+};
+Made carve_soup(TriangleSoup soup, int n, const VolumeSpec& volume = {}, double shift = 0.013) {
+  Context context;
+  Surface surface = condition(std::move(soup), context);
+  const Locator locator(surface);
+  CarveOptions options;
+  options.volume = volume;
+  for (Vec3& p : options.volume.points) p = surface.frame.to_work(p);
+  HexMesh mesh = carve(uniform_dual(locator, n, shift), surface, locator, options, context);
+  return {std::move(surface), std::move(mesh), context.adjustments()};
+}
+std::size_t region_count(const HexMesh& mesh) { return std::set<RegionId>(mesh.region.begin(), mesh.region.end()).size(); }
+
+// A closed shell inside another, both outward: a thick wall with a cavity.
+TriangleSoup nested_spheres() { return test::joined(test::sphere(3), test::scaled(test::sphere(3), 0.5)); }
+
+TEST(Carve, KeepsHexesInsideOnlyWithAManifoldSkin) {
+  for (int n : {12, 17, 24}) {
+    const Made made = carve_soup(test::sphere(3), n);
+    EXPECT_EQ(check_topology(made.mesh), "");
+    EXPECT_EQ(testing::check_quads_per_hex(made.mesh, 3), "");
+    EXPECT_EQ(testing::euler_of_boundary(made.mesh), 2);
+    EXPECT_EQ(region_count(made.mesh), 1U);
+    const double radius = (made.surface.box.max - made.surface.box.min).maxCoeff() / 2;
+    const double full = 4.0 / 3 * std::numbers::pi * std::pow(radius, 3);
+    EXPECT_LT(testing::hex_volume(made.mesh), full);
+    EXPECT_GT(testing::hex_volume(made.mesh), full * (1 - 4.5 * 1.6 / n));
+  }
+}
+
+TEST(Carve, SkinsOfManyShapesCanBeWrapped) {
+  const std::vector<TriangleSoup> shapes{test::cube(4),
+                                         test::rotated(test::cube(3), Vec3(1, 2, 3), 0.7),
+                                         test::cylinder(),
+                                         test::rotated(test::cylinder(), Vec3(1, 0.3, 0), 0.5),
+                                         test::cone(),
+                                         test::l_block(),
+                                         test::rotated(test::l_block(), Vec3(0.2, 1, 0.4), 0.9),
+                                         test::torus(),
+                                         test::rotated(test::torus(), Vec3(1, 0.2, 0), 0.6),
+                                         test::sharp_wedge(1.0)};
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    for (int n : {18, 25}) {
+      Context context;
+      const Made made = carve_soup(shapes[i], n);
+      EXPECT_EQ(check_topology(made.mesh), "") << i << " " << n;
+      EXPECT_EQ(check_topology(wrap_surface(made.mesh, context)), "") << i << " " << n;
+    }
+  }
+}
+
+TEST(Carve, KeepsTheHoleOfATorus) {
+  const Made made = carve_soup(test::torus(), 30);
+  EXPECT_EQ(testing::euler_of_boundary(made.mesh), 0);
+}
+
+TEST(Carve, HexesAreAsDeepAsAsked) {
+  Context context;
+  const Made made = carve_soup(test::rotated(test::cube(2), Vec3(1, 2, 3), 0.7), 20);
+  const Locator locator(made.surface);
+  std::size_t shallow = 0;
+  for (const HexVertices& hex : made.mesh.hexes) {
+    Vec3 centre = Vec3::Zero();
+    for (VertexId v : hex) centre += made.mesh.position[v] / 8;
+    EXPECT_GT(locator.winding_number(centre), 0.5);
+    if (locator.closest(centre).distance < 0.3 * 1.6 / 20) ++shallow;
+  }
+  EXPECT_LT(shallow, made.mesh.hexes.size() / 20);  // filled notches only
+}
+
+TEST(Carve, MeshesEveryBoundedRegionOfNestedShells) {
+  const Made made = carve_soup(nested_spheres(), 28);
+  EXPECT_EQ(region_count(made.mesh), 2U);
+  EXPECT_EQ(check_topology(made.mesh), "");
+}
+
+TEST(Carve, TheOutermostRegionLeavesInnerCavitiesEmpty) {
+  const Made made = carve_soup(nested_spheres(), 28, {VolumeMode::Outermost, {}});
+  EXPECT_EQ(region_count(made.mesh), 1U);
+  EXPECT_EQ(testing::euler_of_boundary(made.mesh), 4);  // two spheres
+}
+
+TEST(Carve, SolidIgnoresInnerShells) {
+  const Made made = carve_soup(nested_spheres(), 28, {VolumeMode::Solid, {}});
+  EXPECT_EQ(region_count(made.mesh), 1U);
+  EXPECT_EQ(testing::euler_of_boundary(made.mesh), 2);
+}
+
+TEST(Carve, SeedPointsNumberTheirRegionsInOrder) {
+  const Made made = carve_soup(nested_spheres(), 28, {VolumeMode::Points, {Vec3(0, 0.8, 0), Vec3(0, 0, 0)}});
+  EXPECT_EQ(region_count(made.mesh), 2U);
+  for (HexId h : made.mesh.hexes.ids()) {
+    Vec3 centre = Vec3::Zero();
+    for (VertexId v : made.mesh.hexes[h]) centre += made.mesh.position[v] / 8;
+    if (centre.norm() < 0.15) {
+      EXPECT_EQ(made.mesh.region[h], RegionId(1));
+    }
+  }
+}
+
+TEST(Carve, OnlyRegionsWithASeedAreMeshed) {
+  const Made made = carve_soup(nested_spheres(), 28, {VolumeMode::Points, {Vec3(0, 0.8, 0)}});
+  EXPECT_EQ(region_count(made.mesh), 1U);
+  EXPECT_EQ(testing::euler_of_boundary(made.mesh), 4);
+}
+
+TEST(Carve, RefusesASeedOutside) {
+  try {
+    carve_soup(test::sphere(2), 14, {VolumeMode::Points, {Vec3(0, 0, 0), Vec3(1.05, 1.05, 1.05)}});
+    FAIL() << "no error";
+  } catch (const MeshError& error) {
+    EXPECT_EQ(error.failure(), Failure::InvalidInput);
+    EXPECT_EQ(error.diagnostic().reason, Reason::RegionNotFound);
+    EXPECT_EQ(error.diagnostic().field, "volume.points[1]");
+  }
+}
+
+TEST(Carve, ASharedInterfaceHasMeshOnBothSides) {
+  const Made made = carve_soup(test::touching_cubes(4), 30);
+  EXPECT_EQ(region_count(made.mesh), 2U);
+  EXPECT_EQ(check_topology(made.mesh), "");
+  Context context;
+  EXPECT_EQ(check_topology(wrap_surface(made.mesh, context)), "");
+}
+
+TEST(Carve, NodesThatLieOnTheSurfaceDoNotLeak) {
+  // The cube's faces pass through nodes: the box is [-1/2, 1/2]^3 and the spacing 0.1.
+  const Made made = carve_soup(test::cube(3), 16, {}, 0.0);
+  EXPECT_EQ(check_topology(made.mesh), "");
+  EXPECT_EQ(testing::euler_of_boundary(made.mesh), 2);
+}
+
+TEST(Carve, AHoleSmallerThanTheCellsCloses) {
+  TriangleSoup soup = test::sphere(4);
+  soup.triangles.erase(soup.triangles.begin() + 700);
+  soup.patch.erase(soup.patch.begin() + 700);
+  const Made made = carve_soup(std::move(soup), 16);
+  EXPECT_EQ(region_count(made.mesh), 1U);
+  EXPECT_EQ(testing::euler_of_boundary(made.mesh), 2);
+}
+
+TEST(Carve, AHoleLargerThanTheCellsIsClosedByTheWindingNumber) {
+  TriangleSoup soup = test::sphere(4);
+  TriangleSoup open = soup;
+  open.triangles.clear();
+  open.patch.clear();
+  for (std::size_t t = 0; t < soup.triangles.size(); ++t) {
+    if (soup.points[static_cast<std::size_t>(soup.triangles[t][0])].z() > 0.85) continue;
+    open.triangles.push_back(soup.triangles[t]);
+    open.patch.push_back(soup.patch[t]);
+  }
+  const Made made = carve_soup(std::move(open), 24);
+  EXPECT_EQ(region_count(made.mesh), 1U);
+  EXPECT_EQ(check_topology(made.mesh), "");
+  EXPECT_EQ(testing::euler_of_boundary(made.mesh), 2);
+  EXPECT_GT(testing::hex_volume(made.mesh), 0.25);
+}
+
+}  // namespace
+}  // namespace strata
