@@ -49,10 +49,12 @@ LowNeighbours low_neighbours(const Neighbourhood& around) {
 struct Patterns {
   std::vector<Pattern> all;
   std::vector<std::uint16_t> of_block;
+  std::uint16_t plain = 0;  // number of the pattern of eight cubes
 };
 
 Patterns number_patterns(const std::vector<PatternBits>& bits_of) {
   std::vector<std::uint8_t> occurs(kPatternBitSets, 0);
+  occurs[0] = 1;  // the plain pattern is always number 0
   for (const PatternBits bits : bits_of) occurs[bits] = 1;
   std::vector<PatternBits> used;
   std::vector<std::uint16_t> number(kPatternBitSets, 0);  // at most 6,210 patterns are legal
@@ -61,7 +63,7 @@ Patterns number_patterns(const std::vector<PatternBits>& bits_of) {
     number[bits] = static_cast<std::uint16_t>(used.size());
     used.push_back(bits);
   }
-  Patterns patterns{solve_patterns(used), std::vector<std::uint16_t>(bits_of.size())};
+  Patterns patterns{solve_patterns(used), std::vector<std::uint16_t>(bits_of.size()), number[0]};
   parallel_for(bits_of.size(), [&](std::size_t b) { patterns.of_block[b] = number[bits_of[b]]; });
   return patterns;
 }
@@ -209,8 +211,43 @@ void fill_nodes(const Blocks& blocks, const Offsets& offsets, Dual& dual) {
   });
 }
 
+// Nine blocks in ten stand among plain blocks of their own level.
+bool is_plain(const Blocks& blocks, std::size_t block) {
+  const std::uint8_t level = blocks.octree.level[block];
+  for (const NodeRef neighbour : blocks.low[block]) {
+    if (!is_leaf(neighbour)) return false;
+    const std::size_t at = leaf_index(neighbour);
+    if (blocks.octree.level[at] != level || blocks.patterns.of_block[at] != blocks.patterns.plain) return false;
+  }
+  return true;
+}
+
+// Each axis has three layers of cells: the upper one of the low neighbour, then the block's own two.
+void fill_plain_hexes(const Blocks& blocks, const std::vector<std::int32_t>& first_node, std::size_t block, HexVertices* hex) {
+  std::array<VertexId, 27> node;
+  std::size_t n = 0;
+  for (unsigned z = 0; z < 3; ++z) {
+    for (unsigned y = 0; y < 3; ++y) {
+      for (unsigned x = 0; x < 3; ++x) {
+        const unsigned across = (x == 0 ? 1u : 0u) | (y == 0 ? 2u : 0u) | (z == 0 ? 4u : 0u);
+        const unsigned cell = (x != 1 ? 1u : 0u) | (y != 1 ? 2u : 0u) | (z != 1 ? 4u : 0u);
+        node[n++] = node_id(first_node, leaf_index(blocks.low[block][across]), static_cast<int>(cell));
+      }
+    }
+  }
+  for (std::size_t p = 0; p < 8; ++p) {
+    const std::size_t low = (p & 1) + 3 * (p >> 1 & 1) + 9 * (p >> 2);
+    *hex++ = {node[low],     node[low + 1],  node[low + 4],  node[low + 3],
+              node[low + 9], node[low + 10], node[low + 13], node[low + 12]};
+  }
+}
+
 void fill_hexes(const Blocks& blocks, const Offsets& offsets, HexMesh& mesh) {
   parallel_for(blocks.octree.block_count(), [&](std::size_t b) {
+    if (is_plain(blocks, b)) {
+      fill_plain_hexes(blocks, offsets.node, b, mesh.hexes.data() + offsets.hex[b]);
+      return;
+    }
     const Pattern& pattern = blocks.pattern(b);
     const unsigned closed = root_faces(blocks.low[b]);
     HexId hex(offsets.hex[b]);

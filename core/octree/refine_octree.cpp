@@ -269,11 +269,20 @@ constexpr int kCellsPerBlock = 8;
 constexpr int kStepsPerLevel = 3;  // sizes grow by 2^(1/3) a step
 constexpr int kMostSteps = 60;     // a million times larger: a budget too small for any mesh is left to others to refuse
 
+// A tree that is too large before it is as deep as asked needs at least the missing levels' worth of coarsening, less one level since
+// the root changes with the sizes.
+int steps_to_next_try(const SplitNodes& split, const TargetLevels& targets) {
+  int deepest = targets.inside_box;
+  for (const std::uint8_t level : targets.of_triangle) deepest = std::max(deepest, int{level});
+  for (const std::uint8_t level : targets.of_source) deepest = std::max(deepest, int{level});
+  return std::max(1, kStepsPerLevel * (deepest - static_cast<int>(split.size()) - 1));
+}
+
 }  // namespace
 
 Octree refine_octree(const Surface& surface, const SizeField& sizes, const OctreeOptions& options, Context& context) {
   const std::int64_t most_blocks = options.max_cells / kCellsPerBlock;
-  for (int step = 0;; ++step) {
+  for (int step = 0;;) {
     const double coarsening = std::exp2(static_cast<double>(step) / kStepsPerLevel);
     const RootCube root = choose_root(surface, sizes, coarsening);
     const TargetLevels targets = target_levels(surface, sizes, coarsening, root.size, std::min(options.max_level, Octree::kMaxLevel));
@@ -282,7 +291,10 @@ Octree refine_octree(const Surface& surface, const SizeField& sizes, const Octre
     const bool complete = most_blocks == 0 || leaf_count(refinement.split) <= most_blocks;
     if (complete) balance(refinement.split);
     const std::int64_t blocks = leaf_count(refinement.split);
-    if (most_blocks > 0 && blocks > most_blocks && step < kMostSteps) continue;
+    if (most_blocks > 0 && blocks > most_blocks && step < kMostSteps) {
+      step += steps_to_next_try(refinement.split, targets);
+      continue;
+    }
 
     Octree octree = leaves_of(refinement.split);
     octree.origin = root.origin;

@@ -169,6 +169,16 @@ TEST(RefineOctree, StaysWithinTheCellBudgetAndSaysSo) {
   EXPECT_EQ(context.adjustments()[0].reason, Reason::SizeCoarsened);
 }
 
+TEST(RefineOctree, FindsItsWayFromAbsurdlySmallSizes) {
+  const Surface surface = ball(4);
+  OctreeOptions options;
+  options.max_cells = 50000;
+  Context context;
+  const Octree octree = refine_octree(surface, uniform(surface, 0.2, 1e-5), options, context);
+  EXPECT_LE(8 * octree.block_count(), 50000u);
+  EXPECT_GE(8 * octree.block_count(), 10000u);
+}
+
 TEST(RefineOctree, SurvivesABudgetTooSmallForAnyMesh) {
   const Surface surface = ball(4);
   OctreeOptions options;
