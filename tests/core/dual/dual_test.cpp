@@ -259,6 +259,25 @@ TEST(Dual, IsSoundForEveryFaceMask) {
   }
 }
 
+// Eight triangles with sizes up to a factor 16 apart: the trees that real work makes.
+TEST(Dual, OfAnOctreeRoundASurfaceIsASoundHexMesh) {
+  TriangleSoup soup;
+  soup.points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  soup.triangles = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  soup.patch.assign(8, 0);
+  soup.patch_names = {"wall"};
+  Context context;
+  const Surface surface = condition(soup, context);
+  SizeField sizes;
+  sizes.max_size = 0.2;
+  for (const double size : {0.02, 0.16, 0.04, 0.08, 0.03, 0.1, 0.01, 0.07}) sizes.at_triangle.push_back(size);
+  const Octree octree = refine_octree(surface, sizes, {}, context);
+  const std::int64_t count = count_dual_hexes(octree);
+  const Dual dual = dualize(octree, context);
+  EXPECT_EQ(count, static_cast<std::int64_t>(dual.mesh.hexes.size()));
+  expect_sound(dual.mesh);
+}
+
 TEST(Dual, OfASingleBlockIsOneHex) {
   Context context;
   const Dual dual = dualize(leaves_of({}), context);
