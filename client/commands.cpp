@@ -1,0 +1,345 @@
+#include "client/commands.h"
+
+#include <google/protobuf/util/json_util.h>
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+#include <thread>
+
+#include "client/connection.h"
+#include "client/exit_code.h"
+#include "client/progress.h"
+#include "client/report.h"
+#include "client/status.h"
+#include "client/transfer.h"
+#include "client/version.h"
+#include "client/watch.h"
+
+namespace strata::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr auto kCallLimit = std::chrono::seconds(30);
+constexpr auto kCheckLimit = std::chrono::minutes(5);
+
+void set_deadline(grpc::ClientContext& context, std::chrono::seconds limit = kCallLimit) {
+  context.set_deadline(std::chrono::system_clock::now() + limit);
+}
+
+// Calls a unary method, again while the server is away.
+template <class Request, class Response, class Method>
+Response call(const Method& method, const Request& request, const GlobalOptions& global, const std::string& doing, std::chrono::seconds limit = kCallLimit) {
+  auto pause = std::chrono::milliseconds(200);
+  for (int tries = 0;; ++tries) {
+    grpc::ClientContext context;
+    set_deadline(context, limit);
+    Response response;
+    const grpc::Status status = method(&context, request, &response);
+    if (status.ok()) return response;
+    if (!transient(status) || tries >= global.retries) throw command_error(status, doing);
+    std::this_thread::sleep_for(pause);
+    pause = std::min(2 * pause, std::chrono::milliseconds(10000));
+  }
+}
+
+std::string text_of(const std::string& path, const char* what) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  if (!in) throw CommandError(ExitCode::Usage, std::string(what) + " '" + path + "' cannot be read");
+  return text.str();
+}
+
+std::string random_id() {
+  std::random_device device;
+  char text[40];
+  std::snprintf(text, sizeof text, "%08x%08x%08x%08x", device(), device(), device(), device());
+  return text;
+}
+
+v1::OutputFormat format_of(const std::string& path) {
+  std::string ending = fs::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (ending == ".mesh") return v1::OUTPUT_FORMAT_MESH;
+  if (ending == ".meshb") return v1::OUTPUT_FORMAT_MESHB;
+  if (ending == ".vtu") return v1::OUTPUT_FORMAT_VTU;
+  if (ending == ".vtk") return v1::OUTPUT_FORMAT_VTK;
+  if (ending == ".sol") return v1::OUTPUT_FORMAT_LAYER_SOL;
+  if (ending == ".solb") return v1::OUTPUT_FORMAT_LAYER_SOLB;
+  throw CommandError(ExitCode::Usage, "the ending of '" + path + "' names no mesh format", "use .vtu, .vtk, .mesh or .meshb");
+}
+
+void need_readable(const std::string& path, const char* what) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw CommandError(ExitCode::Usage, std::string(what) + " '" + path + "' cannot be read");
+}
+
+void need_writable_folder(const std::string& path) {
+  const fs::path folder = fs::absolute(path).parent_path();
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) throw CommandError(ExitCode::LocalIo, "there is no folder '" + folder.string() + "' to write '" + path + "' to");
+}
+
+v1::Surface upload_surface(Connection& connection, const std::string& path, const GlobalOptions& global, ProgressView& view) {
+  v1::Surface surface;
+  surface.set_file_name(fs::path(path).filename().string());
+  surface.set_blob_id(upload(connection, path, global.retries, [&](std::int64_t done, std::int64_t total) { view.transfer("uploading " + path, done, total); }));
+  return surface;
+}
+
+v1::Job create(Connection& connection, const GlobalOptions& global, const MeshOptions& options, const std::vector<v1::OutputFormat>& outputs, ProgressView& view) {
+  v1::CreateJobRequest request;
+  request.set_request_id(random_id());
+  if (!options.spec.empty()) request.set_spec_json(text_of(options.spec, "the specification"));
+  *request.mutable_surface() = upload_surface(connection, options.surface, global, view);
+  for (v1::OutputFormat format : outputs) request.add_outputs(format);
+  request.set_max_threads(global.threads);
+  request.set_display_name(fs::path(options.surface).filename().string());
+  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->CreateJob(context, r, response); };
+  return call<v1::CreateJobRequest, v1::CreateJobResponse>(method, request, global, "creating the job").job();
+}
+
+v1::Job get_job(Connection& connection, const GlobalOptions& global, const std::string& id) {
+  v1::GetJobRequest request;
+  request.set_job_id(id);
+  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->GetJob(context, r, response); };
+  return call<v1::GetJobRequest, v1::GetJobResponse>(method, request, global, "asking for job " + id).job();
+}
+
+void fetch(Connection& connection, const GlobalOptions& global, const v1::Job& job, v1::OutputFormat format, const std::string& path, ProgressView& view) {
+  for (const v1::Artifact& artifact : job.artifacts()) {
+    if (artifact.format() != format) continue;
+    download(connection, artifact.blob(), path, global.retries, [&](std::int64_t done, std::int64_t total) { view.transfer("downloading " + path, done, total); });
+    view.clear();
+    return;
+  }
+  std::string there;
+  for (const v1::Artifact& artifact : job.artifacts()) there += " " + lower_name(v1::OutputFormat_Name(artifact.format()), "OUTPUT_FORMAT_");
+  throw CommandError(ExitCode::NotFound, "job " + job.job_id() + " has no result in the format of '" + path + "'", there.empty() ? "it has no results" : "it has:" + there);
+}
+
+void need_success(const v1::Job& job) {
+  if (job.state() != v1::JOB_STATE_SUCCEEDED) throw command_error(job);
+}
+
+std::string as_json(const google::protobuf::Message& message) {
+  std::string text;
+  google::protobuf::util::JsonPrintOptions options;
+  options.preserve_proto_field_names = true;
+  (void)google::protobuf::util::MessageToJsonString(message, &text, options);
+  return text;
+}
+
+void print_jobs_table(const std::vector<v1::Job>& jobs) {
+  std::printf("%-26s  %-9s  %5s  %12s  %s\n", "JOB", "STATE", "DONE", "HEXES", "NAME");
+  for (const v1::Job& job : jobs)
+    std::printf("%-26s  %-9s  %3.0f %%  %12lld  %s\n", job.job_id().c_str(), state_name(job.state()).c_str(),
+                100 * (job.state() == v1::JOB_STATE_SUCCEEDED ? 1.0 : job.progress().fraction()), static_cast<long long>(job.hexes()), job.display_name().c_str());
+}
+
+void cancel_job(Connection& connection, const GlobalOptions& global, const std::string& id) {
+  v1::CancelJobRequest request;
+  request.set_job_id(id);
+  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->CancelJob(context, r, response); };
+  call<v1::CancelJobRequest, v1::CancelJobResponse>(method, request, global, "cancelling job " + id);
+}
+
+}  // namespace
+
+void mesh(const GlobalOptions& global, const MeshOptions& options) {
+  // What is wrong locally is said before anything is sent.
+  std::vector<v1::OutputFormat> outputs{format_of(options.out)};
+  if (!options.layers_out.empty()) outputs.push_back(format_of(options.layers_out));
+  need_readable(options.surface, "the surface");
+  if (!options.spec.empty()) need_readable(options.spec, "the specification");
+  for (const std::string& path : {options.out, options.report, options.layers_out})
+    if (!path.empty()) need_writable_folder(path);
+
+  ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
+  Connection connection = connect(global, PrivateServerAllowed::Yes);
+  const v1::Job created = create(connection, global, options, outputs, view);
+  v1::Job job;
+  try {
+    job = watch(connection, created.job_id(), {global.retries, global.timeout_seconds, {}}, view);
+  } catch (const CommandError& error) {
+    view.clear();
+    if (interrupted == 0) throw;
+    if (connection.own || options.cancel_on_exit) {
+      cancel_job(connection, global, created.job_id());
+      throw CommandError(error.code(), "interrupted; the job was cancelled");
+    }
+    throw CommandError(error.code(), "interrupted; the job goes on", "strata watch " + created.job_id() + " --server " + connection.address +
+                                                                       "   and   strata get " + created.job_id() + " -o " + options.out);
+  }
+  need_success(job);
+  fetch(connection, global, job, outputs[0], options.out, view);
+  if (!options.layers_out.empty()) fetch(connection, global, job, outputs[1], options.layers_out, view);
+  if (!options.report.empty()) write_report(job, options.report);
+  if (global.output == Output::Json) std::cout << report(job).dump() << '\n';
+  else if (!global.quiet) std::cerr << summary(job) << "wrote      " << options.out << '\n';
+}
+
+void submit(const GlobalOptions& global, const MeshOptions& options) {
+  std::vector<v1::OutputFormat> outputs;
+  if (!options.out.empty()) outputs.push_back(format_of(options.out));
+  else outputs = {v1::OUTPUT_FORMAT_VTU, v1::OUTPUT_FORMAT_MESHB};
+  need_readable(options.surface, "the surface");
+  ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  const v1::Job job = create(connection, global, options, outputs, view);
+  view.clear();
+  if (global.output == Output::Json) std::cout << as_json(job) << '\n';
+  else std::cout << job.job_id() << '\n';
+}
+
+void check(const GlobalOptions& global, const MeshOptions& options) {
+  need_readable(options.surface, "the surface");
+  ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
+  Connection connection = connect(global, PrivateServerAllowed::Yes);
+  v1::ValidateJobRequest request;
+  if (!options.spec.empty()) request.set_spec_json(text_of(options.spec, "the specification"));
+  *request.mutable_surface() = upload_surface(connection, options.surface, global, view);
+  view.clear();
+  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->ValidateJob(context, r, response); };
+  const auto answer = call<v1::ValidateJobRequest, v1::ValidateJobResponse>(method, request, global, "checking " + options.surface, kCheckLimit);
+  if (global.output == Output::Json) {
+    std::cout << as_json(answer) << '\n';
+  } else {
+    for (const auto& finding : answer.findings())
+      std::cout << lower_name(v1::Severity_Name(finding.severity()), "SEVERITY_") << ": " << describe(finding) << '\n';
+    std::cout << "patches   ";
+    for (const auto& p : answer.patches()) std::cout << ' ' << p.name();
+    std::cout << '\n';
+    const v1::Estimate& e = answer.estimate();
+    if (answer.acceptable())
+      std::printf("triangles  %lld\nhexes      about %lld\nmemory     about %.0f MB\ntime       about %.1f CPU s\n", static_cast<long long>(e.triangles()), static_cast<long long>(e.hexes()),
+                  1e-6 * static_cast<double>(e.memory_bytes()), e.cpu_seconds());
+  }
+  std::cout.flush();
+  if (!answer.acceptable()) throw CommandError(ExitCode::InputRejected, "the server would refuse this", "mend what is listed above");
+}
+
+void watch_jobs(const GlobalOptions& global, const JobOptions& options) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  for (const std::string& id : options.jobs) {
+    const bool json = global.output == Output::Json;
+    ProgressView view(json ? ProgressView::Style::Silent : ProgressView::style_for(global.quiet, global.no_progress));
+    WatchOptions watching{global.retries, global.timeout_seconds, {}};
+    if (json) watching.on_event = [](const v1::WatchJobResponse& event) { std::cout << as_json(event) << std::endl; };
+    v1::Job job;
+    try {
+      job = watch(connection, id, watching, view);
+    } catch (const CommandError& error) {
+      if (interrupted == 0) throw;
+      throw CommandError(error.code(), "stopped watching; the job goes on", "strata watch " + id);
+    }
+    need_success(job);
+    if (!json && !global.quiet) std::cerr << summary(job);
+  }
+}
+
+void wait_for_jobs(const GlobalOptions& global, const JobOptions& options) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  for (const std::string& id : options.jobs) {
+    ProgressView view(ProgressView::Style::Silent);
+    const double limit = options.wait_seconds > 0 ? options.wait_seconds : global.timeout_seconds;
+    need_success(watch(connection, id, {global.retries, limit, {}}, view));
+  }
+}
+
+void get(const GlobalOptions& global, const JobOptions& options) {
+  const v1::OutputFormat format = format_of(options.format.empty() ? options.out : "x." + options.format);
+  need_writable_folder(options.out);
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  const v1::Job job = get_job(connection, global, options.jobs.front());
+  if (job.state() == v1::JOB_STATE_QUEUED || job.state() == v1::JOB_STATE_RUNNING)
+    throw CommandError(ExitCode::NotFound, "job " + job.job_id() + " has not ended (" + state_name(job.state()) + ")", "strata wait " + job.job_id());
+  need_success(job);
+  ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
+  fetch(connection, global, job, format, options.out, view);
+  if (!options.report.empty()) write_report(job, options.report);
+}
+
+void list(const GlobalOptions& global, const JobOptions& options) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  v1::ListJobsRequest request;
+  for (const std::string& state : options.states) {
+    std::string name = "JOB_STATE_" + state;
+    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    v1::JobState value;
+    if (!v1::JobState_Parse(name, &value)) throw CommandError(ExitCode::Usage, "there is no state '" + state + "'", "queued, running, succeeded, failed or cancelled");
+    request.add_states(value);
+  }
+  std::vector<v1::Job> jobs;
+  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->ListJobs(context, r, response); };
+  do {
+    auto answer = call<v1::ListJobsRequest, v1::ListJobsResponse>(method, request, global, "listing jobs");
+    for (auto& job : *answer.mutable_jobs()) jobs.push_back(std::move(job));
+    request.set_page_token(answer.next_page_token());
+  } while (!request.page_token().empty());
+  if (global.output == Output::Table) return print_jobs_table(jobs);
+  for (const v1::Job& job : jobs) std::cout << (global.output == Output::Json ? as_json(job) : job.job_id()) << '\n';
+}
+
+void show(const GlobalOptions& global, const JobOptions& options) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  for (const std::string& id : options.jobs) {
+    const v1::Job job = get_job(connection, global, id);
+    if (global.output == Output::Json) {
+      std::cout << as_json(job) << '\n';
+      continue;
+    }
+    std::cout << "job        " << job.job_id() << "  " << job.display_name() << "\nstate      " << state_name(job.state()) << '\n';
+    if (job.state() == v1::JOB_STATE_RUNNING) std::printf("stage      %s, %.0f %%\n", stage_name(job.progress().stage()).c_str(), 100 * job.progress().fraction());
+    if (job.has_error()) std::cout << "error      " << (job.error().has_diagnostic() ? describe(job.error().diagnostic()) : job.error().message()) << '\n';
+    if (job.state() == v1::JOB_STATE_SUCCEEDED) std::cout << summary(job);
+    for (const auto& a : job.adjustments()) std::cout << "note       " << describe(a) << '\n';
+  }
+}
+
+void cancel(const GlobalOptions& global, const JobOptions& options) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  for (const std::string& id : options.jobs) cancel_job(connection, global, id);
+}
+
+void remove(const GlobalOptions& global, const JobOptions& options) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  for (const std::string& id : options.jobs) {
+    v1::DeleteJobRequest request;
+    request.set_job_id(id);
+    request.set_cancel_if_running(options.force);
+    const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->DeleteJob(context, r, response); };
+    call<v1::DeleteJobRequest, v1::DeleteJobResponse>(method, request, global, "deleting job " + id);
+  }
+}
+
+void server_status(const GlobalOptions& global) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.system->GetServerStatus(context, r, response); };
+  const auto status = call<v1::GetServerStatusRequest, v1::GetServerStatusResponse>(method, {}, global, "asking the server");
+  if (global.output == Output::Json) {
+    std::cout << as_json(status) << '\n';
+    return;
+  }
+  std::printf("server     %s%s\nrunning    %d\nqueued     %d\njobs       %lld\nmemory     %.0f MB\n", connection.address.c_str(), status.draining() ? " (draining)" : "", status.running_jobs(),
+              status.queued_jobs(), static_cast<long long>(status.jobs_total()), 1e-6 * static_cast<double>(status.resident_memory_bytes()));
+}
+
+void version(const GlobalOptions& global, bool of_server) {
+  std::cout << "strata " << kVersion << '\n';
+  if (!of_server) return;
+  Connection connection = connect(global, PrivateServerAllowed::Yes);
+  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.system->GetCapabilities(context, r, response); };
+  std::cout << "stratad " << call<v1::GetCapabilitiesRequest, v1::GetCapabilitiesResponse>(method, {}, global, "asking the server").version() << '\n';
+}
+
+}  // namespace strata::client

@@ -1,0 +1,42 @@
+// The command line as values.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace strata::client {
+
+enum class Output { Table, Json, Name };
+
+struct GlobalOptions {
+  std::string server;           // address; empty: a private server for the time of the command
+  std::string tls_ca, tls_cert, tls_key, server_name;
+  double timeout_seconds = 0;   // of the whole command; 0: none
+  int retries = 8;
+  Output output = Output::Table;
+  bool quiet = false;
+  bool no_progress = false;
+  int threads = 0;              // of the job; 0: what the server gives
+};
+
+struct MeshOptions {
+  std::string surface;
+  std::string spec;             // file; empty: defaults
+  std::string out;
+  std::string report;           // file; empty: none
+  std::string layers_out;       // .sol or .solb; empty: none
+  bool cancel_on_exit = false;
+};
+
+struct JobOptions {
+  std::vector<std::string> jobs;
+  std::string out;
+  std::string format;
+  std::string report;
+  std::vector<std::string> states;
+  bool force = false;
+  double wait_seconds = 0;
+};
+
+}  // namespace strata::client
