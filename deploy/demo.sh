@@ -17,7 +17,7 @@ mkdir -p "$out"
 
 folder=$(mktemp -d)
 address=unix:$folder/stratad.sock
-"$bin/stratad" --listen "$address" --data-dir "$folder/data" >"$out/stratad.log" 2>&1 &
+"$bin/stratad" --listen "$address" --slots 1 --data "$folder/data" >"$out/stratad.log" 2>&1 &
 server=$!
 stop() {
   kill -TERM "$server" 2>/dev/null || true
@@ -32,6 +32,5 @@ for _ in $(seq 100); do
 done
 
 "$bin/strata" mesh "$out/rocket.stl" --spec "$spec" --server "$address" -o "$out/rocket.vtu" --report "$out/report.json"
-python3 deploy/show_report.py "$out/report.json"
 echo "mesh:   build/demo/rocket.vtu"
 echo "report: build/demo/report.json"
