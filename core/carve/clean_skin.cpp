@@ -86,10 +86,10 @@ class Cleaner {
     int count = 0;
     for (int f = 0; f < 6; ++f)
       if (label_across(h, f) == label_[h]) held[static_cast<std::size_t>(count++)] = f;
-    if (count < 2) return true;
-    if (count > 2 || held[1] == opposite_face(held[0])) return false;
-    // Held by two neighbouring faces: the end of a step when one of the holders is well backed, else part of a thin plate.
-    for (int i = 0; i < 2; ++i) {
+    if (count > 2 || (count == 2 && held[1] == opposite_face(held[0]))) return false;
+    // Held by one face or two neighbouring ones: a bump or the end of a step when a holder is well backed. Else it is the end of a
+    // thin rod or plate, which would be eaten up from there.
+    for (int i = 0; i < count; ++i) {
       const HexId holder = neighbours_[h][static_cast<std::size_t>(held[static_cast<std::size_t>(i)])].hex;
       if (faces_to(holder, label_[holder]) >= kBackedNeighbours) return true;
     }
@@ -199,22 +199,41 @@ class Cleaner {
     return false;
   }
 
-  bool drop_fragments() {
+  struct Piece {
+    std::int32_t region;
+    std::vector<HexId> hexes;
+  };
+  [[nodiscard]] std::vector<Piece> pieces() const {
     IdMap<HexId, std::uint8_t> seen(mesh_.hexes.size(), std::uint8_t{0});
-    bool dropped = false;
-    std::vector<HexId> piece;
+    std::vector<Piece> result;
     for (HexId first : mesh_.hexes.ids()) {
       if (seen[first] != 0 || label_[first] < 0) continue;
-      piece.assign(1, first);
+      Piece piece{label_[first], {first}};
       seen[first] = 1;
-      for (std::size_t i = 0; i < piece.size(); ++i)
-        for (const FaceNeighbour& n : neighbours_[piece[i]])
-          if (n.hex.valid() && seen[n.hex] == 0 && label_[n.hex] == label_[first]) {
+      for (std::size_t i = 0; i < piece.hexes.size(); ++i)
+        for (const FaceNeighbour& n : neighbours_[piece.hexes[i]])
+          if (n.hex.valid() && seen[n.hex] == 0 && label_[n.hex] == piece.region) {
             seen[n.hex] = 1;
-            piece.push_back(n.hex);
+            piece.hexes.push_back(n.hex);
           }
-      if (piece.size() >= kFragment) continue;
-      for (HexId h : piece) {
+      result.push_back(std::move(piece));
+    }
+    return result;
+  }
+  // The largest piece of a region stays whatever its size: a coarse mesh is better than none.
+  bool drop_fragments() {
+    const std::vector<Piece> all = pieces();
+    bool dropped = false;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (all[i].hexes.size() >= kFragment) continue;
+      const auto beats = [&](std::size_t j) {
+        return all[j].region == all[i].region && j != i &&
+               (all[j].hexes.size() > all[i].hexes.size() || (all[j].hexes.size() == all[i].hexes.size() && j < i));
+      };
+      bool beaten = false;
+      for (std::size_t j = 0; j < all.size() && !beaten; ++j) beaten = beats(j);
+      if (!beaten) continue;
+      for (HexId h : all[i].hexes) {
         flips_[h] = kFlips;
         relabel(h, kVoid);
       }

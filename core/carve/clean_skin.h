@@ -13,9 +13,10 @@ struct HexChoice {
   IdMap<HexId, std::int32_t> fillable;  // region it may be kept for though too near the surface, or kVoid
 };
 
-// After: round every vertex the hexes of a region are one face-connected fan, and so are all others; no hex is joined to its region by
-// one face only; no face-connected piece of a region has fewer than 8 hexes. Every hex changes at most twice. The mesh must hold all
-// hexes round every vertex of a kept or fillable hex. Deterministic.
+// After: round every vertex the hexes of a region are one face-connected fan, and so are all others. Bumps and ends of steps are gone,
+// thin rods and plates stay (their hexes have four or five boundary faces). Face-connected pieces of fewer than 8 hexes are gone unless
+// they are the largest of their region. Every hex changes at most twice. The mesh must hold all hexes round every vertex of a
+// kept or fillable hex. Deterministic.
 void clean_skin(const HexMesh& mesh, HexChoice& choice);
 
 }  // namespace strata
