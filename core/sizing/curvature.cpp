@@ -40,9 +40,8 @@ IdMap<TriangleId, double> size_by_curvature(const Surface& surface, const Featur
       // Distance across the edge: the sum of the heights of both centroids over it.
       const Vec3 along = (x[(i + 1) % 3] - x[i]).normalized();
       const auto height = [&](const Vec3& p) { return (p - x[i]).cross(along).norm(); };
-      // Thin triangles on one side (long tessellation strips) make the distance the width of the strip: a centroid is a third of the
-      // altitude away, the strip's pair of triangles turns once a strip, so altitudes are halved rather than cut to a third.
-      const double across = 1.5 * (height(centroid(t)) + height(centroid(n)));
+      // Half a quad strip is a right triangle: its centroid is a third of the strip away, so sizes there are too small by up to a third.
+      const double across = height(centroid(t)) + height(centroid(n));
       if (across > 0) sum_turn = std::max(sum_turn, 2 * std::sin(std::min(turn, 3.0) / 2) / across);
     }
     curvature[t] = sum_turn;

@@ -14,6 +14,7 @@ namespace {
 // Rays along the normal and on a cone around it; the median of their lengths is the width (shape diameter function, Shapira,
 // Shamir and Cohen-Or 2008, who use 60 degrees; 30 keeps to the wall opposite).
 constexpr int kConeRays = 4;
+constexpr std::size_t kLeastHits = 2;                // in a corner of a plate the other rays meet its side walls
 constexpr double kConeTangent = 0.5773502691896257;  // of 30 degrees
 // A hit counts only on a face that looks back: normals against each other by more than 120 degrees. Faces that meet in a ridge at
 // less than 60 degrees share it; cells there are the ridge's business.
@@ -44,7 +45,7 @@ double median_width(const Surface& surface, const Features& features, const Loca
     if (features.chart[h] != features.chart[t] && std::find(near.begin(), near.end(), features.chart[h]) != near.end()) continue;
     widths[found++] = hit->s;  // along the normal, as d has a unit part of it
   }
-  if (2 * found <= kConeRays) return std::numeric_limits<double>::infinity();
+  if (found < kLeastHits) return std::numeric_limits<double>::infinity();
   std::nth_element(widths.begin(), widths.begin() + found / 2, widths.begin() + found);
   return widths[found / 2];
 }
