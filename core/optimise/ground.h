@@ -7,6 +7,7 @@
 #include "core/base/vec3.h"
 #include "core/features/features.h"
 #include "core/mesh/hex_mesh.h"
+#include "core/optimise/polyline.h"
 #include "core/surface/locator.h"
 #include "core/surface/surface.h"
 
@@ -36,6 +37,7 @@ class Ground {
   const Features* features_;
   Locator whole_;
   std::vector<Locator> charts_;    // by ChartId
+  std::vector<Polyline> curves_;   // by CurveId
 };
 
 }  // namespace strata

@@ -1,0 +1,75 @@
+#include "core/optimise/optimise.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/context.h"
+#include "core/base/parallel.h"
+#include "core/optimise/descend.h"
+#include "core/optimise/result.h"
+#include "core/optimise/workspace.h"
+#include "core/quality/quality.h"
+
+namespace strata {
+namespace {
+
+constexpr int kUntangleSweeps = 60;   // at most, before the sweeps asked for; each touches only the surroundings of bad hexes
+constexpr int kArrivalSweeps = 20;    // at most, after them, while held vertices are still on their way
+
+// Exponent on u = (mean ratio)^(3/2).
+int exponent_of(double power) { return std::clamp(static_cast<int>(std::lround(power / 1.5)), 1, 12); }
+
+// Regularisation in a star with a bad hex: a share of how deep the worst corner lies, and not less than a width that shrinks as the sweeps
+// go on, so that corners end up clearly above zero. Garanzha et al. 2021 choose one for the whole mesh; here each star has its own, and
+// stars without a bad hex none at all.
+double regularisation(const Star& star, int sweep) {
+  if (star.all_sound()) return 0;
+  const double deep = std::min(star.least_determinant(Vec3::Zero()), 0.0);
+  const double width = std::max(0.3 * std::pow(0.85, sweep), 1e-3);
+  return std::sqrt(width * width + 0.04 * deep * deep);
+}
+
+int untangle(Workspace& work, bool project, double floor, const Context& context) {
+  int sweep = 0;
+  for (; sweep < kUntangleSweeps && work.inverted() > 0; ++sweep) {
+    constexpr int kRings = 2;
+    const auto near = work.vertices_near(work.bad(), kRings);
+    work.wake_near(near);
+    work.sweep(
+        [&](VertexId v, const Star& star) {
+          DescentOptions options;
+          options.eps = regularisation(star, sweep);
+          options.steps = 4;
+          options.floor = floor;
+          return near[v] != 0 && visit(work, v, star, options, project);
+        },
+        context);
+  }
+  return sweep;
+}
+
+}  // namespace
+
+OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const OptimiseOptions& options, Context& context) {
+  Workspace work(mesh, request, options.rings, options.project);
+  untangle(work, options.project, options.min_scaled_jacobian, context);
+  work.wake_all();
+  int sweep = 0;
+  for (; sweep < options.sweeps || (options.project && sweep < options.sweeps + kArrivalSweeps && work.off_ground() > 0); ++sweep) {
+    // Held vertices arrive gently: the floor under projections sinks from sweep to sweep, so that the inside can follow.
+    const double gentle = 0.3 * (1 - 2.0 * sweep / std::max(options.sweeps, 1));
+    const std::int64_t moved = work.sweep(
+        [&](VertexId v, const Star& star) {
+          DescentOptions descent;
+          descent.exponent = star.all_sound() ? exponent_of(options.power) : 1;
+          descent.eps = regularisation(star, 20 + sweep);
+          descent.floor = std::max(gentle, options.min_scaled_jacobian);
+          return visit(work, v, star, descent, options.project);
+        },
+        context);
+    if (moved == 0) break;
+  }
+  return summarise(std::move(mesh), request, sweep);
+}
+
+}  // namespace strata

@@ -1,0 +1,86 @@
+#include <algorithm>
+#include <utility>
+
+#include "core/base/context.h"
+#include "core/base/parallel.h"
+#include "core/optimise/descend.h"
+#include "core/optimise/optimise.h"
+#include "core/optimise/result.h"
+#include "core/optimise/workspace.h"
+#include "core/quality/quality.h"
+
+namespace strata {
+namespace {
+
+constexpr int kSweepsPerRound = 6;
+constexpr int kRings = 2;      // of vertices round a poor hex that help it
+constexpr int kHalvings = 5;
+
+double jacobian_of(const HexMesh& mesh, HexId h) {
+  std::array<Vec3, 8> p;
+  for (std::size_t c = 0; c < 8; ++c) p[c] = mesh.position[mesh.hexes[h][c]];
+  return corner_scaled_jacobian(p);
+}
+
+// A vertex moves only when the angle energy of its star falls and its worst corner does not sink below the goal or below what it was.
+bool lift(Workspace& work, VertexId v, const Star& star, int exponent, double goal) {
+  if (!star.all_sound()) return false;
+  const Attachment attachment = work.attachment(v);
+  const bool free = attachment.hold == Hold::Free;
+  if (!free && !work.foot(v).on_ground) return false;
+  const Freedom freedom = freedom_of(attachment.hold, free ? Vec3(Vec3::Zero()) : work.foot(v).direction);
+  if (freedom.dimensions == 0) return false;
+  const double worst = star.scaled_jacobian(Vec3::Zero());
+  const double floor = std::min(worst, goal);
+  const double before = star.angle_energy(Vec3::Zero(), exponent);
+  Vec3 gradient;
+  Mat3 hessian;
+  star.angle_derivatives(Vec3::Zero(), exponent, gradient, hessian);
+  Vec3 d = newton_step(freedom, gradient, hessian);
+  const double longest = 0.5 * star.size();
+  if (d.norm() > longest) d *= longest / d.norm();
+  for (int i = 0; i < kHalvings && d.norm() > kStill * star.size(); ++i, d *= 0.4) {
+    Vec3 on = d;
+    Foothold at;
+    if (!free) {
+      at = work.ground()->project(attachment, work.position(v) + d, work.foot(v).hint);
+      on = at.position - work.position(v);
+    }
+    if (!(star.angle_energy(on, exponent) < before) || star.scaled_jacobian(on) < floor) continue;
+    work.move(v, star, on);
+    if (!free) {
+      work.foot(v).direction = at.direction;
+      work.foot(v).hint = at.hint;
+    }
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal, int rounds, Context& context) {
+  constexpr std::array<int, 4> kExponents{2, 4, 8, 12};  // SJ^-2k: later rounds look at the worst only
+  OptimiseRequest everywhere = request;
+  Workspace work(mesh, everywhere, -1, false);
+  int sweeps = 0;
+  IdMap<HexId, std::uint8_t> poor(mesh.hexes.size(), 0);
+  for (int round = 0; round < rounds; ++round) {
+    parallel_for(mesh.hexes.size(), [&](std::size_t i) { poor[HexId(i)] = jacobian_of(mesh, HexId(i)) < goal ? 1 : 0; });
+    if (std::find(poor.begin(), poor.end(), std::uint8_t{1}) == poor.end()) break;
+    const auto near = work.vertices_near(poor, kRings);
+    work.wake_near(near);
+    const int exponent = kExponents[std::min<std::size_t>(static_cast<std::size_t>(round), kExponents.size() - 1)];
+    std::int64_t moved_in_round = 0;
+    for (int sweep = 0; sweep < kSweepsPerRound; ++sweep, ++sweeps) {
+      const std::int64_t moved =
+          work.sweep([&](VertexId v, const Star& star) { return near[v] != 0 && lift(work, v, star, exponent, goal); }, context);
+      moved_in_round += moved;
+      if (moved == 0) break;
+    }
+    if (moved_in_round == 0 && round + 1 >= static_cast<int>(kExponents.size())) break;
+  }
+  return summarise(std::move(mesh), request, sweeps);
+}
+
+}  // namespace strata

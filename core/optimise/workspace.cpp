@@ -1,0 +1,195 @@
+#include "core/optimise/workspace.h"
+
+#include <algorithm>
+#include <atomic>
+
+#include "core/base/parallel.h"
+
+namespace strata {
+
+Workspace::Workspace(HexMesh& mesh, const OptimiseRequest& request, int rings, bool project)
+    : mesh_(mesh), request_(request), star_(hexes_round_vertices(mesh)) {
+  local_.resize(star_.elements.size());
+  parallel_for(mesh.position.size(), [&](std::size_t i) {
+    const VertexId v(i);
+    for (std::int64_t s = star_.offset[i]; s < star_.offset[i + 1]; ++s) {
+      const HexVertices& hex = mesh_.hexes[star_.elements[static_cast<std::size_t>(s)]];
+      std::uint8_t l = 0;
+      while (hex[l] != v) ++l;
+      local_[static_cast<std::size_t>(s)] = l;
+    }
+  });
+  choose(rings, project);
+  colours_ = colour_vertices(mesh_, star_, movable_);
+  active_ = movable_;
+  scale_targets();
+  recount_bad();
+  stand();
+}
+
+void Workspace::choose(int rings, bool project) {
+  const std::size_t count = mesh_.position.size();
+  IdMap<VertexId, std::uint8_t> near(count, 1);
+  if (request_.seeds != nullptr && rings >= 0) {
+    near = *request_.seeds;
+    for (int ring = 0; ring < rings; ++ring) {
+      IdMap<VertexId, std::uint8_t> wider = near;
+      parallel_for(count, [&](std::size_t i) {
+        if (near[VertexId(i)] != 0) return;
+        for (const HexId h : star_.of(VertexId(i)))
+          for (const VertexId n : mesh_.hexes[h])
+            if (near[n] != 0) wider[VertexId(i)] = 1;
+      });
+      near = std::move(wider);
+    }
+  }
+  movable_.assign(count, 0);
+  parallel_for(count, [&](std::size_t i) {
+    const VertexId v(i);
+    if (near[v] == 0 || star_.of(v).empty() || star_.of(v).size() > Star::kMaxHexes) return;
+    if (request_.movable != nullptr && (*request_.movable)[v] == 0) return;
+    const Hold hold = mesh_.attachment[v].hold;
+    const bool may = hold == Hold::Free || (hold != Hold::Fixed && request_.ground != nullptr && (hold != Hold::Corner || project));
+    movable_[v] = may ? 1 : 0;
+  });
+}
+
+// The longest of the three mean axis lengths, measured in targets, becomes 1: determinants are then comparable across sizes, and hexes
+// without thickness have a scale too.
+void Workspace::scale_targets() {
+  inverse_target_.resize(mesh_.hexes.size());
+  parallel_for(mesh_.hexes.size(), [&](std::size_t i) {
+    const HexId h(i);
+    std::array<double, 3> target{1, 1, 1};
+    if (request_.targets != nullptr)
+      for (std::size_t k = 0; k < 3; ++k) target[k] = static_cast<double>((*request_.targets)[h][k]);
+    double scale = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      double sum = 0;
+      for (std::size_t e = 4 * axis; e < 4 * axis + 4; ++e) {
+        const auto& edge = kHexEdges[e];
+        sum += (mesh_.position[mesh_.hexes[h][static_cast<std::size_t>(edge[0])]] -
+                mesh_.position[mesh_.hexes[h][static_cast<std::size_t>(edge[1])]])
+                   .norm();
+      }
+      scale = std::max(scale, sum / 4 / target[axis]);
+    }
+    if (!(scale > 0)) scale = 1;  // a hex shrunk to a point: any scale will do
+    for (std::size_t k = 0; k < 3; ++k) inverse_target_[h][k] = static_cast<float>(1 / (target[k] * scale));
+  });
+}
+
+void Workspace::recount_bad() {
+  bad_.assign(mesh_.hexes.size(), 0);
+  parallel_for(mesh_.hexes.size(), [&](std::size_t i) {
+    const HexId h(i);
+    const HexVertices& hex = mesh_.hexes[h];
+    const auto& w = inverse_target_[h];
+    const double W = static_cast<double>(w[0]) * static_cast<double>(w[1]) * static_cast<double>(w[2]);
+    for (std::size_t c = 0; c < 8; ++c) {
+      const Vec3& p = mesh_.position[hex[c]];
+      const auto edge = [&](std::size_t k) -> Vec3 { return mesh_.position[hex[static_cast<std::size_t>(kHexCorners[c][k])]] - p; };
+      if (!(W * edge(0).cross(edge(1)).dot(edge(2)) > Star::kFlat)) bad_[h] = static_cast<std::uint8_t>(bad_[h] | (1u << c));
+    }
+  });
+}
+
+void Workspace::stand() {
+  foot_of_.assign(mesh_.position.size(), -1);
+  std::vector<VertexId> held;
+  for (const VertexId v : mesh_.position.ids())
+    if (movable_[v] != 0 && mesh_.attachment[v].hold != Hold::Free) {
+      foot_of_[v] = static_cast<std::int32_t>(held.size());
+      held.push_back(v);
+    }
+  feet_.resize(held.size());
+  parallel_for(held.size(), [&](std::size_t i) {
+    const Vec3& p = mesh_.position[held[i]];
+    const Foothold at = request_.ground->project(mesh_.attachment[held[i]], p);
+    feet_[i] = {at.direction, at.hint, (at.position - p).norm() <= kOnGround};
+  });
+}
+
+void Workspace::gather(VertexId v, Star& star) const {
+  star.clear();
+  std::array<Vec3, 7> p;
+  p[0] = mesh_.position[v];
+  for (std::int64_t s = star_.offset[v.index()]; s < star_.offset[v.index() + 1]; ++s) {
+    const HexId h = star_.elements[static_cast<std::size_t>(s)];
+    const StarPattern& pattern = kStarPatterns[local_[static_cast<std::size_t>(s)]];
+    const HexVertices& hex = mesh_.hexes[h];
+    for (std::size_t k = 0; k < 6; ++k) p[k + 1] = mesh_.position[hex[static_cast<std::size_t>(pattern.vertex[k])]];
+    const auto& w = inverse_target_[h];
+    const auto along = [&](std::size_t k) { return static_cast<double>(w[static_cast<std::size_t>(pattern.axis[k])]); };
+    star.add_hex(p, Vec3(along(0), along(1), along(2)), bad_[h] == 0);
+  }
+}
+
+void Workspace::move(VertexId v, const Star& star, const Vec3& d) {
+  mesh_.position[v] += d;
+  if (star.all_sound()) return;  // and stays so
+  int c = 0;
+  for (std::int64_t s = star_.offset[v.index()]; s < star_.offset[v.index() + 1]; ++s, c += 4) {
+    const HexId h = star_.elements[static_cast<std::size_t>(s)];
+    const std::uint8_t own = local_[static_cast<std::size_t>(s)];
+    const StarPattern& pattern = kStarPatterns[own];
+    for (int k = 0; k < 4; ++k) {
+      const auto corner = k == 0 ? own : static_cast<std::uint8_t>(pattern.vertex[static_cast<std::size_t>(k - 1)]);
+      const auto bit = static_cast<std::uint8_t>(1u << corner);
+      if (star.determinant(c + k, d) > Star::kFlat)
+        bad_[h] = static_cast<std::uint8_t>(bad_[h] & ~bit);
+      else
+        bad_[h] = static_cast<std::uint8_t>(bad_[h] | bit);
+    }
+  }
+}
+
+// Neighbours have other colours, so nobody reads these flags now; several vertices may set one flag at once, to the same value.
+void Workspace::wake_round(VertexId v) {
+  for (const HexId h : star_.of(v)) wake(h);
+}
+
+void Workspace::wake(HexId h) {
+  for (const VertexId n : mesh_.hexes[h])
+    if (movable_[n] != 0) std::atomic_ref<std::uint8_t>(active_[n]).store(1, std::memory_order_relaxed);
+}
+
+void Workspace::wake_near(const IdMap<VertexId, std::uint8_t>& near) {
+  for (const VertexId v : near.ids()) active_[v] = static_cast<std::uint8_t>(near[v] & movable_[v]);
+}
+void Workspace::wake_all() { active_ = movable_; }
+void Workspace::sleep_all() { active_.assign(active_.size(), 0); }
+
+std::int64_t Workspace::inverted() const {
+  return parallel_reduce(
+      bad_.size(), std::int64_t{0}, [&](std::size_t i) { return std::int64_t{bad_[HexId(i)] != 0}; }, std::plus<>());
+}
+
+std::int64_t Workspace::off_ground() const {
+  return std::count_if(feet_.begin(), feet_.end(), [](const Foot& f) { return !f.on_ground; });
+}
+
+std::size_t Workspace::movable_count() const {
+  return static_cast<std::size_t>(std::count(movable_.begin(), movable_.end(), std::uint8_t{1}));
+}
+
+IdMap<VertexId, std::uint8_t> Workspace::vertices_near(const IdMap<HexId, std::uint8_t>& marked, int rings) const {
+  IdMap<HexId, std::uint8_t> hexes = marked;
+  IdMap<VertexId, std::uint8_t> result(mesh_.position.size(), 0);
+  for (int ring = 0; ring <= rings; ++ring) {
+    parallel_for(mesh_.position.size(), [&](std::size_t i) {
+      const VertexId v(i);
+      if (result[v] != 0) return;
+      for (const HexId h : star_.of(v))
+        if (hexes[h] != 0) result[v] = 1;
+    });
+    if (ring == rings) break;
+    parallel_for(mesh_.hexes.size(), [&](std::size_t i) {
+      for (const VertexId v : mesh_.hexes[HexId(i)])
+        if (result[v] != 0) hexes[HexId(i)] = 1;
+    });
+  }
+  return result;
+}
+
+}  // namespace strata

@@ -1,0 +1,78 @@
+// What the sweeps work on: the mesh, who may move in which order, which hexes are bad, where held vertices stand. Private to the room.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh/adjacency.h"
+#include "core/mesh/hex_mesh.h"
+#include "core/optimise/colouring.h"
+#include "core/optimise/optimise.h"
+#include "core/optimise/star.h"
+
+namespace strata {
+
+class Context;
+
+// Of a held vertex.
+struct Foot {
+  Vec3 direction = Vec3::Zero();  // chart: normal; curve: tangent
+  std::int32_t hint = -1;
+  bool on_ground = true;
+};
+
+inline constexpr double kOnGround = 1e-9;  // working frame: well above rounding, far below any edge
+
+class Workspace {
+ public:
+  Workspace(HexMesh& mesh, const OptimiseRequest& request, int rings, bool project);
+
+  // body(vertex, star) for every active vertex, colour after colour. True from the body: the vertex moved, its neighbours wake up.
+  // A vertex that did not move falls asleep. Returns how many moved.
+  template <class Body>
+  std::int64_t sweep(const Body& body, const Context& context);
+  // Everybody awake again, or only the vertices round the hexes chosen.
+  void wake_all();
+  void sleep_all();
+  void wake(HexId h);
+  void wake_near(const IdMap<VertexId, std::uint8_t>& near);  // those of the vertices that may move; nobody else
+
+  void gather(VertexId v, Star& star) const;
+  // Moves v by d, keeps the record of bad corners.
+  void move(VertexId v, const Star& star, const Vec3& d);
+  void recount_bad();
+
+  [[nodiscard]] std::int64_t inverted() const;    // hexes with a corner determinant not above Star::kFlat
+  [[nodiscard]] std::int64_t off_ground() const;  // held vertices that may move but are not on their ground yet
+  [[nodiscard]] const Ground* ground() const { return request_.ground; }
+  [[nodiscard]] Attachment attachment(VertexId v) const { return mesh_.attachment[v]; }
+  [[nodiscard]] const Vec3& position(VertexId v) const { return mesh_.position[v]; }
+  [[nodiscard]] Foot& foot(VertexId v) { return feet_[static_cast<std::size_t>(foot_of_[v])]; }
+  // Ring by ring outwards from the hexes marked.
+  [[nodiscard]] IdMap<VertexId, std::uint8_t> vertices_near(const IdMap<HexId, std::uint8_t>& marked, int rings) const;
+  [[nodiscard]] const HexMesh& mesh() const { return mesh_; }
+  [[nodiscard]] std::size_t movable_count() const;
+  [[nodiscard]] IdMap<VertexId, std::uint8_t>& active() { return active_; }
+  [[nodiscard]] const IdMap<HexId, std::uint8_t>& bad() const { return bad_; }
+
+ private:
+  void choose(int rings, bool project);
+  void scale_targets();
+  void stand();
+  void wake_round(VertexId v);
+
+  HexMesh& mesh_;
+  const OptimiseRequest& request_;
+  VertexStars<HexId> star_;
+  std::vector<std::uint8_t> local_;                    // beside star_.elements: which corner of the hex the vertex is
+  IdMap<HexId, std::array<float, 3>> inverse_target_;  // scaled so that determinants of good hexes are about 1
+  IdMap<HexId, std::uint8_t> bad_;                     // bit per corner
+  IdMap<VertexId, std::uint8_t> movable_, active_;
+  std::vector<std::vector<VertexId>> colours_;
+  IdMap<VertexId, std::int32_t> foot_of_;
+  std::vector<Foot> feet_;
+};
+
+}  // namespace strata
+
+#include "core/optimise/workspace_sweep.h"
