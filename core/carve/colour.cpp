@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -114,7 +116,8 @@ std::vector<std::uint8_t> find_outside(const Dual& dual, const Components& compo
 std::vector<std::uint8_t> leaked_side(const Dual& dual, const Components& components, const std::vector<std::uint8_t>& outside,
                                       const Locator& locator) {
   const auto is_outside = [&](std::size_t i) { return outside[static_cast<std::size_t>(components.of[VertexId(i)])] != 0; };
-  const auto winding = [&](std::size_t i) { return locator.winding_number(dual.mesh.position[VertexId(i)]); };
+  // An open shell may be turned inside out as a whole: what counts is that the surface winds round the node.
+  const auto winding = [&](std::size_t i) { return std::abs(locator.winding_number(dual.mesh.position[VertexId(i)])); };
   std::vector<std::size_t> candidates;
   for (std::size_t i = 0; i < dual.cut.size(); ++i)
     if (is_outside(i)) candidates.push_back(i);
@@ -192,7 +195,7 @@ Numbering number_by_points(const Dual& dual, const Components& components, const
     const std::int32_t c = component_of_point(points[i], dual, components, locator);
     if (c < 0) throw_not_found(name + " lies on the surface or in a gap narrower than the cells", field, box);
     if (outside[static_cast<std::size_t>(c)] != 0) {
-      const bool leak = !surface.closed && locator.winding_number(points[i]) > 0.5;
+      const bool leak = !surface.closed && std::abs(locator.winding_number(points[i])) > 0.5;
       throw_not_found(name + (leak ? " leaks out: the surface round it is not closed" : " lies outside every closed surface"), field, box);
     }
     auto& region = numbering.region[static_cast<std::size_t>(c)];

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "core/base/context.h"
 #include "core/base/diagnostic.h"
