@@ -110,6 +110,10 @@ void PatchedSurface::add_quad(int a, int b, int c, int d, int patch) {
   }
 }
 
+void turn_inside_out(PatchedSurface& surface) {
+  for (auto& triangle : surface.triangles) std::swap(triangle[1], triangle[2]);
+}
+
 PatchedSurface compact(const PatchedSurface& surface) {
   std::vector<int> new_index(surface.points.size(), -1);
   PatchedSurface result;

@@ -22,6 +22,8 @@ struct PatchedSurface {
   void add_quad(int a, int b, int c, int d, int patch);
 };
 
+void turn_inside_out(PatchedSurface& surface);
+
 // Without the points that no triangle uses.
 PatchedSurface compact(const PatchedSurface& surface);
 

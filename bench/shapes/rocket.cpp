@@ -187,6 +187,7 @@ PatchedSurface rocket(int fineness) {
     }
   }
   for (int fin = 0; fin < kFins; ++fin) add_fin(surface, FinGrid(surface, grid, fin_front, fin, n), n);
+  turn_inside_out(surface);
   add_box(surface, {-5, -6, -6}, {11, 6, 6}, {"inlet", "outlet", "farfield", "farfield", "farfield", "farfield"}, 4);
   return compact(surface);
 }

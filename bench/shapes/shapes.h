@@ -1,5 +1,4 @@
-// The example bodies. All are watertight and oriented outwards from the volume to be meshed: for a body in a box that is the flow
-// around it. `fineness` multiplies the number of segments along every edge; chord errors fall with its square.
+// The example bodies. All are watertight, and every closed shell turns outwards, as STL files use to: a body in a box and the box alike. `fineness` multiplies the number of segments along every edge; chord errors fall with its square.
 #pragma once
 
 #include <string>

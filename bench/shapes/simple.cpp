@@ -23,10 +23,6 @@ void add_revolved(PatchedSurface& surface, const std::vector<ProfilePoint>& prof
   }
 }
 
-void turn_inside_out(PatchedSurface& surface) {
-  for (auto& triangle : surface.triangles) std::swap(triangle[1], triangle[2]);
-}
-
 std::vector<ProfilePoint> ball_profile(double radius, int segments) {
   std::vector<ProfilePoint> profile;
   for (const double angle : steps(0, std::numbers::pi, segments)) {
@@ -72,6 +68,7 @@ PatchedSurface sphere(int fineness) {
 PatchedSurface sphere_in_box(int fineness) {
   PatchedSurface surface;
   add_revolved(surface, ball_profile(0.5, 24 * fineness), full_turn(48 * fineness));
+  turn_inside_out(surface);
   add_box(surface, {-3, -3, -3}, {3, 3, 3}, {"inlet", "outlet", "farfield", "farfield", "farfield", "farfield"}, 4);
   return surface;
 }
