@@ -104,11 +104,10 @@ Vec3 descend(const Star& star, const Freedom& freedom, const Vec3& from, const D
   if (freedom.dimensions == 0) return d;
   const bool sound = star.all_sound();
   const double still = 0.2 * kStill * star.size();
-  Star::Value at = star.value(d, options.eps, options.exponent);
   for (int step = 0; step < options.steps; ++step) {
     Vec3 gradient;
     Mat3 hessian;
-    star.derivatives(d, options.eps, options.exponent, gradient, hessian);
+    Star::Value at = star.derivatives(d, options.eps, options.exponent, gradient, hessian);
     Vec3 move = newton_step(freedom, gradient, hessian);
     const double length = move.norm();
     if (!(length > still)) break;  // converged, or not a number

@@ -19,7 +19,7 @@ struct DescentOptions {
   int exponent = 1;             // of u, see Star
   double eps = 0;               // regularisation while the star holds a bad hex
   double floor = 0.02;          // smallest scaled Jacobian a move may lead to, from above
-  int steps = 2;                // Newton steps at most
+  int steps = 1;                // Newton steps at most; neighbours move too, so one is mostly enough
 };
 
 // Where the vertex should be, seen from where it is. Never makes a sound hex bad.

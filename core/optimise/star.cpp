@@ -70,8 +70,11 @@ Star::Value Star::value(const Vec3& d, double eps, int exponent) const {
       v.energy = v.worst = std::numeric_limits<double>::infinity();
       return v;
     }
-    const double s = std::sqrt(eps2 + D * D);
-    const double chi = D > 0 ? 0.5 * (D + s) : 0.5 * eps2 / (s - D);  // the second form does not cancel
+    double chi = D;
+    if (eps2 > 0) {
+      const double s = std::sqrt(eps2 + D * D);
+      chi = D > 0 ? 0.5 * (D + s) : 0.5 * eps2 / (s - D);  // the second form does not cancel
+    }
     const double u = kNorm * N * std::sqrt(N) / chi;
     v.worst = std::max(v.worst, u);
     v.energy += raised(u, exponent);
@@ -79,31 +82,36 @@ Star::Value Star::value(const Vec3& d, double eps, int exponent) const {
   return v;
 }
 
-void Star::derivatives(const Vec3& d, double eps, int exponent, Vec3& gradient, Mat3& hessian) const {
+Star::Value Star::derivatives(const Vec3& d, double eps, int exponent, Vec3& gradient, Mat3& hessian) const {
   const double x = d.x(), y = d.y(), z = d.z(), dd = d.squaredNorm(), eps2 = eps * eps, k = exponent;
   double Gx = 0, Gy = 0, Gz = 0, Hxx = 0, Hyy = 0, Hzz = 0, Hxy = 0, Hxz = 0, Hyz = 0;
+  Value v;
   for (std::size_t c = 0; c < static_cast<std::size_t>(corners()); ++c) {
     const double D = D_[c] + gx_[c] * x + gy_[c] * y + gz_[c] * z;
     const double N = std::max(N_[c] + nx_[c] * x + ny_[c] * y + nz_[c] * z + m_[c] * dd, 1e-300);
-    const double s = std::sqrt(eps2 + D * D), r = 1 / s;  // chi' / chi = 1 / s
-    const double chi = D > 0 ? 0.5 * (D + s) : 0.5 * eps2 / (s - D);
-    const double kE = k * raised(kNorm * N * std::sqrt(N) / chi, exponent);
+    const double s = eps2 > 0 ? std::sqrt(eps2 + D * D) : D, r = 1 / s;  // chi' / chi = 1 / s
+    const double i_chi = D > 0 ? (eps2 > 0 ? 2 / (D + s) : r) : 2 * (s - D) / eps2;
+    const double u = kNorm * N * std::sqrt(N) * i_chi;
+    const double E = raised(u, exponent), kE = k * E;
+    v.worst = std::max(v.worst, u);
+    v.energy += E;
     // a = grad ln N, b = grad ln chi, l = grad ln u = 3/2 a - b
     const double iN = 1 / N, m2 = 2 * m_[c];
     const double ax = (nx_[c] + m2 * x) * iN, ay = (ny_[c] + m2 * y) * iN, az = (nz_[c] + m2 * z) * iN;
     const double bx = gx_[c] * r, by = gy_[c] * r, bz = gz_[c] * r;
     const double lx = 1.5 * ax - bx, ly = 1.5 * ay - by, lz = 1.5 * az - bz;
     Gx += kE * lx, Gy += kE * ly, Gz += kE * lz;
-    const double iso = 1.5 * m2 * iN;
-    Hxx += kE * (k * lx * lx - 1.5 * ax * ax + bx * bx + iso);
-    Hyy += kE * (k * ly * ly - 1.5 * ay * ay + by * by + iso);
-    Hzz += kE * (k * lz * lz - 1.5 * az * az + bz * bz + iso);
-    Hxy += kE * (k * lx * ly - 1.5 * ax * ay + bx * by);
-    Hxz += kE * (k * lx * lz - 1.5 * ax * az + bx * bz);
-    Hyz += kE * (k * ly * lz - 1.5 * ay * az + by * bz);
+    const double iso = 1.5 * m2 * iN, klx = k * lx, kly = k * ly, klz = k * lz, tx = 1.5 * ax, ty = 1.5 * ay, tz = 1.5 * az;
+    Hxx += kE * (klx * lx - tx * ax + bx * bx + iso);
+    Hyy += kE * (kly * ly - ty * ay + by * by + iso);
+    Hzz += kE * (klz * lz - tz * az + bz * bz + iso);
+    Hxy += kE * (klx * ly - tx * ay + bx * by);
+    Hxz += kE * (klx * lz - tx * az + bx * bz);
+    Hyz += kE * (kly * lz - ty * az + by * bz);
   }
   gradient = Vec3(Gx, Gy, Gz);
   hessian << Hxx, Hxy, Hxz, Hxy, Hyy, Hyz, Hxz, Hyz, Hzz;
+  return v;
 }
 
 double Star::scaled_jacobian(const Vec3& d) const {

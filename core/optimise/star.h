@@ -4,12 +4,12 @@
 // target W, T = A W^-1:   det T is affine in d:  D + g.d,   and |T|^2 an isotropic quadratic:  N + n.d + m |d|^2.
 // So the star is gathered once, and every Newton step and every trial of the line search costs a few flops a corner.
 //
-//            d2---------*         v own vertex, e0 e1 e2 its edge neighbours (right-handed),
-//           /|         /|         d0 between e0 and e1, d1 between e1 and e2, d2 between e2 and e0.
-//         e2---------d1 |         The eighth corner plays no part.
-//          | e0-------|-d0
-//          |/         |/          (drawn with v behind e0's edge: v-e0 towards the reader)
-//          v---------e1
+//          d2--------*
+//         /|        /|        v  the vertex
+//       e2--------d1 |        e0 e1 e2  its edge neighbours, right-handed
+//        | e0------|-d0       d0  between e0 and e1, d1 between e1 and e2, d2 between e2 and e0
+//        |/        |/         *  plays no part
+//        v--------e1          (mirror-drawn: e0 goes into the page, e1 right, e2 up)
 #pragma once
 
 #include <array>
@@ -80,8 +80,9 @@ class Star {
     bool sound = true;  // hexes that must stay sound have determinants above kFlat
   };
   [[nodiscard]] Value value(const Vec3& d, double eps, int exponent) const;
-  // Gradient and a positive definite Hessian: the exact one where eps = 0; without the curvature of chi (not convex) otherwise.
-  void derivatives(const Vec3& d, double eps, int exponent, Vec3& gradient, Mat3& hessian) const;
+  // The value with its gradient and a positive definite Hessian: the exact one where eps = 0; without the curvature of chi (not convex)
+  // otherwise. Not to be asked at places that are not sound.
+  Value derivatives(const Vec3& d, double eps, int exponent, Vec3& gradient, Mat3& hessian) const;
   // Smallest scaled Jacobian of the corners.
   [[nodiscard]] double scaled_jacobian(const Vec3& d) const;
 
