@@ -6,6 +6,7 @@
 
 #include "core/base/context.h"
 #include "core/base/parallel.h"
+#include "core/layers/border_row.h"
 #include "core/layers/columns.h"
 #include "core/layers/facets.h"
 #include "core/layers/inflate.h"
@@ -41,6 +42,7 @@ struct Request {
   const Ground& ground;
   const Locator& locator;
   const Lessons& lessons;
+  std::size_t allowed;                 // hexes that were not positive before: not the layers' doing
 };
 
 // One group's sheet.
@@ -71,11 +73,10 @@ struct Grower {
   void measure_feet(Sheet& sheet);
   void collapse_wedges();
   void grow(const std::vector<std::uint8_t>& active, int rounds);
-  std::vector<std::uint8_t> only(bool wedges, std::size_t last) const;
+  [[nodiscard]] bool touches_sheets_from(std::size_t first, std::int32_t group) const;
+  void lift_from(std::size_t first);            // sheets that were inserted but have no thickness yet
+  void lift_measured_from(std::size_t first);   // the same when their columns are known
   std::vector<Stack> cut_levels(IdMap<VertexId, double>& fraction) const;
-  [[nodiscard]] bool has_wedge(const Sheet& s) const {
-    return !plan.groups[static_cast<std::size_t>(s.group)].wedge_vertices.empty();
-  }
 };
 
 // Bare quads between two runs of the group at a vertex join it (dossier 7.3): each step removes a run.
@@ -217,10 +218,32 @@ void Grower::collapse_wedges() {
   }
 }
 
-std::vector<std::uint8_t> Grower::only(bool wedges, std::size_t last) const {
+bool Grower::touches_sheets_from(std::size_t first, std::int32_t group) const {
+  if (first >= sheets.size()) return false;
+  IdMap<VertexId, std::uint8_t> on_sheet(mesh.position.size(), 0);
+  for (std::size_t s = first; s < sheets.size(); ++s)
+    for (std::size_t k = 0; k < sheets[s].count; ++k)
+      for (VertexId v : mesh.hexes[HexId(sheets[s].first.index() + k)]) on_sheet[v] = 1;
+  for (FacetIndex f : wall_of_group(mesh, plan, group, widened))
+    for (VertexId v : mesh.quads[quad_of(f)])
+      if (on_sheet[v]) return true;
+  return false;
+}
+
+void Grower::lift_from(std::size_t first) {
+  if (first >= sheets.size()) return;
+  take_columns();
+  lift_measured_from(first);
+}
+
+void Grower::lift_measured_from(std::size_t first) {
+  for (Sheet& s : sheets) measure_feet(s);
   std::vector<std::uint8_t> active(sheets.size(), 0);
-  for (std::size_t i = 0; i < sheets.size(); ++i) active[i] = wedges ? has_wedge(sheets[i]) : i == last;
-  return active;
+  for (std::size_t s = first; s < sheets.size(); ++s) {
+    mesh = open_sheet(std::move(mesh), sheets[s].growing, request.ground);
+    active[s] = 1;
+  }
+  grow(active, kGrowRounds);
 }
 
 void Grower::grow(const std::vector<std::uint8_t>& active, int rounds) {
@@ -324,28 +347,31 @@ struct Attempt {
 
 Attempt attempt(HexMesh mesh, const Request& request, Context& context) {
   Grower grower{std::move(mesh), request, context, {}, {}, {}, {}, {}};
-  {
-    const Facets facets(grower.mesh);
-    const Ground& ground = request.ground;
-    grower.plan = plan_layers(grower.mesh, facets, request.entries, request.wishes, ground.surface(), ground.features(),
-                              request.lessons.excluded);
-  }
+  const Ground& ground = request.ground;
+  const auto plan = [&] {
+    return plan_layers(grower.mesh, Facets(grower.mesh), request.entries, request.wishes, ground.surface(), ground.features(),
+                       request.lessons.excluded);
+  };
+  grower.plan = plan();
+  bool rows_added = false;
+  for (const std::vector<FrontIndex>& fronts : grower.plan.want_row)
+    if (std::optional<HexMesh> with_row = add_border_row(grower.mesh, fronts, ground, context))
+      grower.mesh = std::move(*with_row), rows_added = true;
+  if (rows_added) grower.plan = plan();
   Attempt result;
-  std::size_t opened = 0;
+  std::size_t opened = 0;   // sheets before it have their thickness
   for (std::size_t g = 0; g < grower.plan.groups.size(); ++g) {
     context.checkpoint();
-    const std::size_t before = grower.sheets.size();
-    grower.insert(static_cast<std::int32_t>(g));
+    const auto group = static_cast<std::int32_t>(g);
+    // Groups that touch grow one after the other, so that the later one finds the walls of the earlier one pushed aside.
+    if (grower.plan.groups[g].wedge_vertices.empty() && grower.touches_sheets_from(opened, group)) grower.lift_from(opened), opened = grower.sheets.size();
+    grower.insert(group);
     if (!grower.failed.empty()) {
       result.failed = std::move(grower.failed);
       return result;
     }
-    if (grower.sheets.size() == before || grower.has_wedge(grower.sheets.back())) continue;
-    grower.take_columns();
-    opened = grower.sheets.size();
-    for (Sheet& s : grower.sheets) grower.measure_feet(s);
-    grower.mesh = open_sheet(std::move(grower.mesh), grower.sheets.back().growing, request.ground);
-    grower.grow(grower.only(false, opened - 1), kGrowRounds);
+    const bool last_plain = g + 1 == grower.plan.groups.size() || !grower.plan.groups[g + 1].wedge_vertices.empty();
+    if (last_plain && grower.plan.groups[g].wedge_vertices.empty()) grower.lift_from(opened), opened = grower.sheets.size();
     context.progress(0.7 * static_cast<double>(g + 1) / static_cast<double>(grower.plan.groups.size()),
                      static_cast<std::int64_t>(grower.mesh.hexes.size()));
   }
@@ -358,10 +384,7 @@ Attempt attempt(HexMesh mesh, const Request& request, Context& context) {
   if (opened < grower.sheets.size()) {
     grower.take_columns();
     grower.collapse_wedges();
-    for (Sheet& s : grower.sheets) grower.measure_feet(s);
-    for (std::size_t s = opened; s < grower.sheets.size(); ++s)
-      grower.mesh = open_sheet(std::move(grower.mesh), grower.sheets[s].growing, request.ground);
-    grower.grow(grower.only(true, 0), kGrowRounds);
+    grower.lift_measured_from(opened);
   }
   for (Sheet& s : grower.sheets) grower.measure_feet(s);
   grower.grow(std::vector<std::uint8_t>(grower.sheets.size(), 1), kSettleRounds);
@@ -371,7 +394,7 @@ Attempt attempt(HexMesh mesh, const Request& request, Context& context) {
   result.mesh = slice(std::move(grower.mesh), std::move(stacks), request.ground);
   result.fraction.resize(result.mesh.position.size(), -1);
   result.plan = std::move(grower.plan);
-  if (const std::vector<HexId> bad = not_positive(result.mesh); !bad.empty()) {
+  if (const std::vector<HexId> bad = not_positive(result.mesh); bad.size() > request.allowed) {
     result.failed = fronts_near(result.mesh, result.plan, bad);
     if (result.failed.empty())
       for (const LayerGroup& group : result.plan.groups)
@@ -395,9 +418,10 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
   const Locator locator(surface);
   const std::size_t fronts = ground.features().chart_count() * 2;
   Lessons lessons{std::vector<std::uint8_t>(fronts, 0), std::vector<double>(fronts, 1.0), std::vector<int>(fronts, 0)};
+  const std::size_t allowed = not_positive(mesh).size();
   for (int round = 0;; ++round) {
     if (round == kMostAttempts) lessons.excluded.assign(fronts, 1);
-    Attempt tried = attempt(mesh, {layers, wishes, ground, locator, lessons}, context);
+    Attempt tried = attempt(mesh, {layers, wishes, ground, locator, lessons, allowed}, context);
     if (tried.failed.empty() || round == kMostAttempts) {
       for (Diagnostic& d : tried.plan.changed) context.adjusted(std::move(d));
       result.mesh = std::move(tried.mesh);

@@ -117,27 +117,20 @@ std::int64_t step_tops(HexMesh& mesh, const std::vector<Goal>& goals, const Vert
 }
 
 // Sheets keep the thickness they are to have, the rest wants cubes.
-IdMap<HexId, HexTarget> targets_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets) {
+IdMap<HexId, HexTarget> targets_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const VertexStars<HexId>& stars) {
   IdMap<HexId, HexTarget> targets(mesh.hexes.size(), HexTarget{1, 1, 1});
-  IdMap<VertexId, VertexId> top(mesh.position.size());
-  IdMap<VertexId, float> length(mesh.position.size());
-  for (const GrowingSheet& sheet : sheets) {
-    if (sheet.thickness.empty()) continue;
+  for (const GrowingSheet& sheet : sheets)
     for (std::size_t c = 0; c < sheet.columns.size(); ++c) {
-      top[sheet.columns.bottom[c]] = sheet.columns.top[c];
-      length[sheet.columns.bottom[c]] = static_cast<float>(sheet.thickness[c] * sheet.feet[c].stretch / sheet.feet[c].size);
-    }
-    parallel_for(mesh.hexes.size(), [&](std::size_t h) {
-      const HexVertices& hex = mesh.hexes[HexId(h)];
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const auto& edge = kHexEdges[axis * 4];
-        const VertexId a = hex[static_cast<std::size_t>(edge[0])], b = hex[static_cast<std::size_t>(edge[1])];
-        if (top[a] == b) targets[HexId(h)][axis] = length[a];
-        else if (top[b] == a) targets[HexId(h)][axis] = length[b];
+      const VertexId bottom = sheet.columns.bottom[c], top = sheet.columns.top[c];
+      const auto length = static_cast<float>(sheet.thickness[c] * sheet.feet[c].stretch / sheet.feet[c].size);
+      for (HexId h : stars.of(bottom)) {
+        const HexVertices& hex = mesh.hexes[h];
+        for (std::size_t e = 0; e < 12; ++e) {
+          const VertexId a = hex[static_cast<std::size_t>(kHexEdges[e][0])], b = hex[static_cast<std::size_t>(kHexEdges[e][1])];
+          if ((a == bottom && b == top) || (a == top && b == bottom)) targets[h][e / 4] = length;
+        }
       }
-    });
-    for (VertexId v : sheet.columns.bottom) top[v] = {};
-  }
+    }
   return targets;
 }
 
@@ -158,7 +151,7 @@ InflateResult inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, con
                       const Ground& ground, int rounds, Context& context) {
   const std::vector<Goal> goals = goals_of(mesh, sheets, active);
   const VertexStars<HexId> stars = hexes_round_vertices(mesh);
-  const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets);
+  const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets, stars);
   IdMap<VertexId, std::uint8_t> movable(mesh.position.size(), 1), seeds(mesh.position.size(), 0);
   for (VertexId v : movable.ids())
     if (mesh.attachment[v].hold == Hold::Corner || mesh.attachment[v].hold == Hold::Fixed || stars.of(v).empty()) movable[v] = 0;

@@ -290,9 +290,11 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
     if (quads_at[i] != 2 || edges_at[i] != 2) loop_of[loops.find(static_cast<std::int32_t>(i))].wedge_possible = false;
 
   std::set<std::int32_t> wedges;
+  bool wants_row = false;
   for (auto& [root, loop] : loop_of) {
     if (!loop.wedge_wanted) continue;
     if (loop.crossing || !loop.wedge_possible) {
+      if (!loop.crossing && !(loop.imprint_wanted && loop.imprint_possible)) wants_row = true;
       ending_changed(loop.from, loop.to, "a wedge does not fit the quads of this border, imprinted instead");
     } else if (loop.imprint_wanted && loop.imprint_possible) {
       ending_changed(loop.from, loop.to, "one border loop has one ending, imprinted instead of a wedge");
@@ -301,6 +303,7 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
       wedges.insert(root);
     }
   }
+  if (wants_row) plan.want_row.push_back(plan.groups[group].fronts);
   for (std::size_t i = 0; i < vertices.size(); ++i)
     if (wedges.contains(loops.find(static_cast<std::int32_t>(i)))) plan.groups[group].wedge_vertices.push_back(vertices[i]);
 }

@@ -42,6 +42,8 @@ struct LayerPlan {
   std::vector<std::int32_t> group_of_front;    // by FrontIndex; -1: no layers
   std::vector<LayerGroup> groups;              // in order of insertion
   std::vector<Diagnostic> changed;             // EndingChanged
+  // Fronts of groups that were to end in wedges where the quads do not allow it: a fresh row (border_row.h) would.
+  std::vector<std::vector<FrontIndex>> want_row;
 };
 
 // `excluded`: fronts that must stay bare (given up earlier); by FrontIndex, may be empty.
