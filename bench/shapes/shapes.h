@@ -1,4 +1,5 @@
-// The example bodies. All are watertight, and every closed shell turns outwards, as STL files use to: a body in a box and the box alike. `fineness` multiplies the number of segments along every edge; chord errors fall with its square.
+// The example bodies. All are watertight, and every closed shell turns outwards, as STL files use to: a body in a box and the box
+// alike. `fineness` multiplies the number of segments along every edge; chord errors fall with its square.
 #pragma once
 
 #include <string>
