@@ -14,6 +14,7 @@ namespace strata {
 namespace {
 
 constexpr int kUntangleSweeps = 60;   // at most, before the sweeps asked for; each touches only the surroundings of bad hexes
+constexpr int kLooseSweeps = 40;
 constexpr int kArrivalSweeps = 20;    // at most, after them, while held vertices are still on their way
 
 // Exponent on u = (mean ratio)^(3/2).
@@ -29,11 +30,10 @@ double regularisation(const Star& star, int sweep) {
   return std::sqrt(width * width + 0.04 * deep * deep);
 }
 
-int untangle(Workspace& work, bool project, double floor, const Context& context) {
-  int sweep = 0;
-  for (; sweep < kUntangleSweeps && work.inverted() > 0; ++sweep) {
-    constexpr int kRings = 2;
-    const auto near = work.vertices_near(work.bad(), kRings);
+// Sweeps near the bad hexes until there are none. `rings` of vertices round them take part.
+void untangle(Workspace& work, int sweeps, int rings, bool project, double floor, const Context& context) {
+  for (int sweep = 0; sweep < sweeps && work.inverted() > 0; ++sweep) {
+    const auto near = work.vertices_near(work.bad(), rings);
     work.wake_near(near);
     work.sweep(
         [&](VertexId v, const Star& star) {
@@ -45,14 +45,25 @@ int untangle(Workspace& work, bool project, double floor, const Context& context
         },
         context);
   }
-  return sweep;
+}
+
+// What strict moves cannot free: sound hexes may give way for a while. Kept only when fewer hexes are bad in the end.
+void untangle_loosely(Workspace& work, double floor, const Context& context) {
+  const std::int64_t before = work.inverted();
+  if (before == 0) return;
+  Workspace::Snapshot snapshot = work.snapshot();
+  work.keep_sound(false);
+  untangle(work, kLooseSweeps, 4, false, floor, context);
+  work.keep_sound(true);
+  if (work.inverted() >= before) work.restore(std::move(snapshot));
 }
 
 }  // namespace
 
 OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const OptimiseOptions& options, Context& context) {
   Workspace work(mesh, request, options.rings, options.project);
-  untangle(work, options.project, options.min_scaled_jacobian, context);
+  untangle(work, kUntangleSweeps, 2, options.project, options.min_scaled_jacobian, context);
+  untangle_loosely(work, options.min_scaled_jacobian, context);
   work.wake_all();
   int sweep = 0;
   for (; sweep < options.sweeps || (options.project && sweep < options.sweeps + kArrivalSweeps && work.off_ground() > 0); ++sweep) {

@@ -17,9 +17,11 @@ class Context;
 using HexTarget = std::array<float, 3>;
 
 struct OptimiseOptions {
-  int sweeps = 10;                      // Gauss-Seidel sweeps at most; stops early when nothing moves
+  int sweeps = 10;                      // Gauss-Seidel sweeps at most; stops early when nothing moves. Untangling before them and the last
+                                        // steps of held vertices after them have budgets of their own
   int rings = -1;                       // with `seeds`: how many rings of vertices round them take part; -1: all vertices
-  double power = 2;                     // exponent on the per-corner energy: larger looks more at the worst
+  double power = 3;                     // exponent on the mean ratio of each corner: larger looks more at the worst; rounded to a multiple
+                                        // of 3/2 (which needs no cube root)
   bool project = true;                  // draw held vertices that are off their geometry towards it, never inverting a hex
   double min_scaled_jacobian = 0.02;    // a projection step may not push a hex that is above this below it
 };
@@ -41,8 +43,8 @@ struct OptimiseResult {
   int sweeps = 0;
 };
 
-// Coloured block-coordinate descent on a regularised mean-ratio energy (docs/flow.md). Hexes that are valid stay valid; the count of
-// inverted hexes never grows. Deterministic for any thread count.
+// Coloured block-coordinate descent on a regularised mean-ratio energy (docs/flow.md). Hexes that are valid stay valid, unless giving way
+// lets more others become so; the count of inverted hexes never grows. Deterministic for any thread count.
 OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const OptimiseOptions& options, Context& context);
 
 // Worst first: raises the smallest scaled Jacobians one neighbourhood at a time; accepts strict improvement only.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <utility>
 
 #include "core/base/parallel.h"
 
@@ -94,6 +95,12 @@ void Workspace::recount_bad() {
   });
 }
 
+void Workspace::restore(Snapshot snapshot) {
+  mesh_.position = std::move(snapshot.position);
+  bad_ = std::move(snapshot.bad);
+  feet_ = std::move(snapshot.feet);
+}
+
 void Workspace::stand() {
   foot_of_.assign(mesh_.position.size(), -1);
   std::vector<VertexId> held;
@@ -121,7 +128,7 @@ void Workspace::gather(VertexId v, Star& star) const {
     for (std::size_t k = 0; k < 6; ++k) p[k + 1] = mesh_.position[hex[static_cast<std::size_t>(pattern.vertex[k])]];
     const auto& w = inverse_target_[h];
     const auto along = [&](std::size_t k) { return static_cast<double>(w[static_cast<std::size_t>(pattern.axis[k])]); };
-    star.add_hex(p, Vec3(along(0), along(1), along(2)), bad_[h] == 0);
+    star.add_hex(p, Vec3(along(0), along(1), along(2)), strict_ && bad_[h] == 0);
   }
 }
 

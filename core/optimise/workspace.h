@@ -41,6 +41,16 @@ class Workspace {
   // Moves v by d, keeps the record of bad corners.
   void move(VertexId v, const Star& star, const Vec3& d);
   void recount_bad();
+  // Not strict: hexes that are sound need not stay so, until strict again.
+  void keep_sound(bool strict) { strict_ = strict; }
+  // Where everything stands, to come back to.
+  struct Snapshot {
+    IdMap<VertexId, Vec3> position;
+    IdMap<HexId, std::uint8_t> bad;
+    std::vector<Foot> feet;
+  };
+  [[nodiscard]] Snapshot snapshot() const { return {mesh_.position, bad_, feet_}; }
+  void restore(Snapshot snapshot);
 
   [[nodiscard]] std::int64_t inverted() const;    // hexes with a corner determinant not above Star::kFlat
   [[nodiscard]] std::int64_t off_ground() const;  // held vertices that may move but are not on their ground yet
@@ -61,6 +71,7 @@ class Workspace {
   void stand();
   void wake_round(VertexId v);
 
+  bool strict_ = true;
   HexMesh& mesh_;
   const OptimiseRequest& request_;
   VertexStars<HexId> star_;
