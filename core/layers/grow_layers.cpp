@@ -26,6 +26,7 @@ constexpr int kGrowRounds = 10;
 constexpr int kSettleRounds = 12;
 constexpr int kMostWidenings = 8;
 constexpr int kMostAttempts = 8;
+constexpr double kThick = 0.3;         // of the local size
 constexpr double kThinner = 0.5;
 constexpr int kThinnings = 2;          // before a front is left bare
 
@@ -76,6 +77,8 @@ struct Grower {
   [[nodiscard]] bool touches_sheets_from(std::size_t first, std::int32_t group) const;
   void lift_from(std::size_t first);            // sheets that were inserted but have no thickness yet
   void lift_measured_from(std::size_t first);   // the same when their columns are known
+  [[nodiscard]] bool thick(const std::vector<std::uint8_t>& active) const;
+  [[nodiscard]] std::vector<GrowingSheet> growing_sheets() const;
   std::vector<Stack> cut_levels(IdMap<VertexId, double>& fraction) const;
 };
 
@@ -243,13 +246,29 @@ void Grower::lift_measured_from(std::size_t first) {
     mesh = open_sheet(std::move(mesh), sheets[s].growing, request.ground);
     active[s] = 1;
   }
+  if (thick(active)) {
+    mesh = relax(std::move(mesh), growing_sheets(), active, request.ground, context);
+    for (Sheet& s : sheets) measure_feet(s);
+  }
   grow(active, kGrowRounds);
 }
 
-void Grower::grow(const std::vector<std::uint8_t>& active, int rounds) {
+// Thin sheets need no rearrangement.
+bool Grower::thick(const std::vector<std::uint8_t>& active) const {
+  for (std::size_t s = 0; s < sheets.size(); ++s)
+    for (std::size_t c = 0; active[s] && c < sheets[s].growing.columns.size(); ++c)
+      if (sheets[s].growing.thickness[c] > kThick * sheets[s].growing.feet[c].size) return true;
+  return false;
+}
+
+std::vector<GrowingSheet> Grower::growing_sheets() const {
   std::vector<GrowingSheet> growing;
   for (const Sheet& s : sheets) growing.push_back(s.growing);
-  mesh = inflate(std::move(mesh), growing, active, request.ground, rounds, context).mesh;
+  return growing;
+}
+
+void Grower::grow(const std::vector<std::uint8_t>& active, int rounds) {
+  mesh = inflate(std::move(mesh), growing_sheets(), active, request.ground, rounds, context).mesh;
 }
 
 std::vector<Stack> Grower::cut_levels(IdMap<VertexId, double>& fraction) const {

@@ -18,7 +18,10 @@ constexpr double kOpening = 0.04;        // of the local size: thin enough never
 constexpr double kLeastQuality = 0.12;   // scaled Jacobian that a step may not go below
 constexpr double kStep = 0.45;           // of the local size: what the hexes above can give at once
 constexpr double kArrived = 0.02;        // of the thickness
+constexpr double kMostLean = 4;          // column length over height that is believed
 constexpr int kHalvings = 4;
+constexpr int kFreeRounds = 3;           // of optimising with tops and bottoms free, before tops are placed
+enum class Placing { Free, Exact };      // of the ends of active columns
 constexpr int kRings = 6;                // of vertices round the sheet that give way
 constexpr int kSweeps = 4;               // of the optimiser between steps
 
@@ -147,20 +150,54 @@ HexMesh open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground
   return mesh;
 }
 
+namespace {
+
+// Vertices that may move: all but what is held for good, and, where `placed`, the ends of active columns.
+IdMap<VertexId, std::uint8_t> movable_vertices(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets,
+                                               const std::vector<std::uint8_t>& active, const VertexStars<HexId>& stars, Placing placing) {
+  IdMap<VertexId, std::uint8_t> movable(mesh.position.size(), 1);
+  for (VertexId v : movable.ids())
+    if (mesh.attachment[v].hold == Hold::Corner || mesh.attachment[v].hold == Hold::Fixed || stars.of(v).empty()) movable[v] = 0;
+  if (placing == Placing::Free) return movable;
+  for (std::size_t s = 0; s < sheets.size(); ++s)
+    for (std::size_t c = 0; active[s] && c < sheets[s].columns.size(); ++c)
+      movable[sheets[s].columns.bottom[c]] = movable[sheets[s].columns.top[c]] = 0;
+  return movable;
+}
+
+IdMap<VertexId, std::uint8_t> tops_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active) {
+  IdMap<VertexId, std::uint8_t> tops(mesh.position.size(), 0);
+  for (std::size_t s = 0; s < sheets.size(); ++s)
+    for (std::size_t c = 0; active[s] && c < sheets[s].columns.size(); ++c) tops[sheets[s].columns.top[c]] = 1;
+  return tops;
+}
+
+}  // namespace
+
+HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
+              Context& context) {
+  const VertexStars<HexId> stars = hexes_round_vertices(mesh);
+  const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets, stars);
+  const IdMap<VertexId, std::uint8_t> movable = movable_vertices(mesh, sheets, active, stars, Placing::Free);
+  const IdMap<VertexId, std::uint8_t> seeds = tops_of(mesh, sheets, active);
+  OptimiseRequest request;
+  request.ground = &ground;
+  request.movable = &movable;
+  request.seeds = &seeds;
+  request.targets = &targets;
+  OptimiseOptions options;
+  options.sweeps = kFreeRounds * kSweeps;
+  options.rings = kRings;
+  return optimise(std::move(mesh), request, options, context).mesh;
+}
+
 InflateResult inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
                       const Ground& ground, int rounds, Context& context) {
   const std::vector<Goal> goals = goals_of(mesh, sheets, active);
   const VertexStars<HexId> stars = hexes_round_vertices(mesh);
   const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets, stars);
-  IdMap<VertexId, std::uint8_t> movable(mesh.position.size(), 1), seeds(mesh.position.size(), 0);
-  for (VertexId v : movable.ids())
-    if (mesh.attachment[v].hold == Hold::Corner || mesh.attachment[v].hold == Hold::Fixed || stars.of(v).empty()) movable[v] = 0;
-  for (std::size_t s = 0; s < sheets.size(); ++s)
-    if (active[s])
-      for (std::size_t c = 0; c < sheets[s].columns.size(); ++c) {
-        movable[sheets[s].columns.bottom[c]] = movable[sheets[s].columns.top[c]] = 0;
-        seeds[sheets[s].columns.top[c]] = 1;
-      }
+  const IdMap<VertexId, std::uint8_t> movable = movable_vertices(mesh, sheets, active, stars, Placing::Exact);
+  const IdMap<VertexId, std::uint8_t> seeds = tops_of(mesh, sheets, active);
   OptimiseRequest request;
   request.ground = &ground;
   request.movable = &movable;
@@ -182,7 +219,8 @@ InflateResult inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, con
 
 double height_of(const HexMesh& mesh, const GrowingSheet& sheet, std::size_t column) {
   const Vec3 edge = mesh.position[sheet.columns.top[column]] - mesh.position[sheet.columns.bottom[column]];
-  return edge.norm() / sheet.feet[column].stretch;
+  // A column that leans too far is counted by its length: never a height near nothing.
+  return std::max(edge.dot(sheet.feet[column].normal), edge.norm() / kMostLean);
 }
 
 }  // namespace strata

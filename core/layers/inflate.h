@@ -22,6 +22,11 @@ struct GrowingSheet {
 // Lifts the tops of the given sheet off their bottoms by a small part of the local size, all at once: hexes of no thickness become thin.
 HexMesh open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground);
 
+// Lets everything round the active sheets find its place, walls on their charts and tops too, with the thickness as a wish only: a good
+// start for thick sheets and crossings.
+HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
+              Context& context);
+
 struct InflateResult {
   HexMesh mesh;
   std::int64_t short_columns = 0;   // that did not get their thickness

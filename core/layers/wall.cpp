@@ -107,16 +107,15 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
       foot.growth = growth / laws;
     }
     foot.direction = most_visible(normals);
+    for (const Vec3& n : normals) foot.normal += n / static_cast<double>(normals.size());
     const Attachment& held = mesh.attachment[columns.top[c]];
     if (held.hold == Hold::Chart || held.hold == Hold::Curve) {
       const Vec3 d = ground.project(held, mesh.position[columns.bottom[c]]).direction;
       const Vec3 along = held.hold == Hold::Chart ? Vec3(foot.direction - d * d.dot(foot.direction)) : Vec3(d * d.dot(foot.direction));
       if (along.norm() > 0) foot.direction = along.normalized();
     }
-    double cosine = 0;
-    for (const Vec3& n : normals) cosine += n.dot(foot.direction);
-    cosine = normals.empty() ? 1 : cosine / static_cast<double>(normals.size());
-    foot.stretch = std::min(kMostStretch, 1 / std::max(cosine, 1 / kMostStretch));
+    const double cosine = normals.empty() ? 1 : foot.normal.dot(foot.direction);
+    foot.stretch = 1 / std::max(cosine, 1 / kMostStretch);
     i = j;
   }
   return feet;

@@ -25,6 +25,7 @@ Vec3 most_visible(const std::vector<Vec3>& normals);
 // At each column's foot.
 struct Foot {
   Vec3 direction = Vec3::Zero();  // unit; along the surface where the column's top is held there
+  Vec3 normal = Vec3::Zero();     // mean of the unit normals round it, not unit itself: a column's height is its part along this
   double stretch = 1;             // column length over height normal to the wall
   double size = 0;                // mean edge length of the wall there
   FrontIndex front = kNoFront;    // one of the fronts it stands on
