@@ -17,7 +17,7 @@ mkdir -p "$out"
 
 folder=$(mktemp -d)
 address=unix:$folder/stratad.sock
-"$bin/stratad" --listen "$address" --slots 1 --data "$folder/data" >"$out/stratad.log" 2>&1 &
+"$bin/stratad" --listen "$address" --slots 1 --data-dir "$folder/data" >"$out/stratad.log" 2>&1 &
 server=$!
 stop() {
   kill -TERM "$server" 2>/dev/null || true
