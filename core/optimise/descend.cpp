@@ -48,8 +48,10 @@ bool draw(Workspace& work, VertexId v, const Star& star, const DescentOptions& o
   foot.direction = at.direction;
   foot.hint = at.hint;
   Vec3 d = Vec3::Zero();
+  DescentOptions gently = options;
+  gently.floor = options.draw_floor;
   for (const double fraction : {1.0, 0.75, 0.5, 0.25, 0.125, 0.0625}) {
-    if (!acceptable(star, fraction * way, options)) continue;
+    if (!acceptable(star, fraction * way, gently)) continue;
     d = fraction * way;
     foot.on_ground = fraction == 1.0;
     break;

@@ -19,6 +19,7 @@ struct DescentOptions {
   int exponent = 1;             // of u, see Star
   double eps = 0;               // regularisation while the star holds a bad hex
   double floor = 0.02;          // smallest scaled Jacobian a move may lead to, from above
+  double draw_floor = 0.02;     // the same for steps towards the ground, which pay no heed to the energy
   int steps = 1;                // Newton steps at most; neighbours move too, so one is mostly enough
 };
 

@@ -40,7 +40,7 @@ void untangle(Workspace& work, int sweeps, int rings, bool project, double floor
           DescentOptions options;
           options.eps = regularisation(star, sweep);
           options.steps = 4;
-          options.floor = floor;
+          options.floor = options.draw_floor = floor;
           return near[v] != 0 && visit(work, v, star, options, project);
         },
         context);
@@ -74,7 +74,8 @@ OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const Opti
           DescentOptions descent;
           descent.exponent = star.all_sound() ? exponent_of(options.power) : 1;
           descent.eps = regularisation(star, 20 + sweep);
-          descent.floor = std::max(gentle, options.min_scaled_jacobian);
+          descent.floor = options.min_scaled_jacobian;
+          descent.draw_floor = std::max(gentle, options.min_scaled_jacobian);
           return visit(work, v, star, descent, options.project);
         },
         context);
