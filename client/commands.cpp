@@ -16,6 +16,7 @@
 
 #include "client/connection.h"
 #include "client/exit_code.h"
+#include "client/interrupt.h"
 #include "client/progress.h"
 #include "client/report.h"
 #include "client/status.h"
@@ -30,6 +31,7 @@ namespace fs = std::filesystem;
 
 constexpr auto kCallLimit = std::chrono::seconds(30);
 constexpr auto kCheckLimit = std::chrono::minutes(5);
+constexpr auto kCancelLimit = std::chrono::seconds(5);
 
 void set_deadline(grpc::ClientContext& context, std::chrono::seconds limit = kCallLimit) {
   context.set_deadline(std::chrono::system_clock::now() + limit);
@@ -38,16 +40,16 @@ void set_deadline(grpc::ClientContext& context, std::chrono::seconds limit = kCa
 // Calls a unary method, again while the server is away.
 template <class Request, class Response, class Method>
 Response call(const Method& method, const Request& request, const GlobalOptions& global, const std::string& doing, std::chrono::seconds limit = kCallLimit) {
-  auto pause = std::chrono::milliseconds(200);
-  for (int tries = 0;; ++tries) {
+  Backoff backoff(global.retries);
+  for (;;) {
     grpc::ClientContext context;
     set_deadline(context, limit);
+    CallGuard guard(context, limit);
     Response response;
     const grpc::Status status = method(&context, request, &response);
     if (status.ok()) return response;
-    if (!transient(status) || tries >= global.retries) throw command_error(status, doing);
-    std::this_thread::sleep_for(pause);
-    pause = std::min(2 * pause, std::chrono::milliseconds(10000));
+    go_on();
+    if (!transient(status) || !backoff.pause()) throw command_error(status, doing);
   }
 }
 
@@ -55,7 +57,7 @@ std::string text_of(const std::string& path, const char* what) {
   std::ifstream in(path, std::ios::binary);
   std::ostringstream text;
   text << in.rdbuf();
-  if (!in) throw CommandError(ExitCode::Usage, std::string(what) + " '" + path + "' cannot be read");
+  if (!in) throw CommandError(ExitCode::Usage, "'" + path + "' (" + what + ") cannot be read");
   return text.str();
 }
 
@@ -79,8 +81,10 @@ v1::OutputFormat format_of(const std::string& path) {
 }
 
 void need_readable(const std::string& path, const char* what) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw CommandError(ExitCode::Usage, std::string(what) + " '" + path + "' cannot be read");
+  std::error_code error;
+  if (!fs::exists(path, error)) throw CommandError(ExitCode::Usage, "there is no file '" + path + "' (" + what + ")");
+  if (std::ifstream in(path, std::ios::binary); !in || fs::is_directory(path, error))
+    throw CommandError(ExitCode::Usage, "'" + path + "' (" + what + ") cannot be read");
 }
 
 void need_writable_folder(const std::string& path) {
@@ -143,7 +147,32 @@ void print_jobs_table(const std::vector<v1::Job>& jobs) {
   std::printf("%-26s  %-9s  %5s  %12s  %s\n", "JOB", "STATE", "DONE", "HEXES", "NAME");
   for (const v1::Job& job : jobs)
     std::printf("%-26s  %-9s  %3.0f %%  %12lld  %s\n", job.job_id().c_str(), state_name(job.state()).c_str(),
-                100 * (job.state() == v1::JOB_STATE_SUCCEEDED ? 1.0 : job.progress().fraction()), static_cast<long long>(job.hexes()), job.display_name().c_str());
+                100 * (job.state() == v1::JOB_STATE_SUCCEEDED ? 1.0 : job.progress().fraction()), static_cast<long long>(job.hexes()), printable(job.display_name()).c_str());
+  std::fflush(stdout);
+}
+
+// Of a command that is being interrupted: once, and not for long.
+void cancel_on_the_way_out(Connection& connection, const std::string& id) {
+  grpc::ClientContext context;
+  set_deadline(context, kCancelLimit);
+  v1::CancelJobRequest request;
+  request.set_job_id(id);
+  v1::CancelJobResponse ignored;
+  (void)connection.jobs->CancelJob(&context, request, &ignored);
+}
+
+// What becomes of the job when `mesh` ends early.
+CommandError ended_early(Connection& connection, const MeshOptions& options, const std::string& job_id, const CommandError& why) {
+  const std::string what = why.what();
+  if (job_id.empty()) return why;
+  if (connection.own) return {why.code(), what + "; the job was cancelled"};
+  if (options.cancel_on_exit) {
+    cancel_on_the_way_out(connection, job_id);
+    return {why.code(), what + "; job " + job_id + " was cancelled"};
+  }
+  return {why.code(), what + "; job " + job_id + " stays with the server",
+          "come back with: strata watch " + job_id + " --server " + connection.address + "\n  then:           strata get " + job_id + " -o " + options.out +
+              " --server " + connection.address};
 }
 
 void cancel_job(Connection& connection, const GlobalOptions& global, const std::string& id) {
@@ -166,33 +195,32 @@ void mesh(const GlobalOptions& global, const MeshOptions& options) {
 
   ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
   Connection connection = connect(global, PrivateServerAllowed::Yes);
-  const v1::Job created = create(connection, global, options, outputs, view);
+  std::string id;
   v1::Job job;
   try {
-    job = watch(connection, created.job_id(), {global.retries, global.timeout_seconds, {}}, view);
+    id = create(connection, global, options, outputs, view).job_id();
+    job = watch(connection, id, {global.retries, {}}, view);
+    need_success(job);
+    fetch(connection, global, job, outputs[0], options.out, view);
+    if (!options.layers_out.empty()) fetch(connection, global, job, outputs[1], options.layers_out, view);
   } catch (const CommandError& error) {
     view.clear();
-    if (interrupted == 0) throw;
-    if (connection.own || options.cancel_on_exit) {
-      cancel_job(connection, global, created.job_id());
-      throw CommandError(error.code(), "interrupted; the job was cancelled");
-    }
-    throw CommandError(error.code(), "interrupted; the job goes on", "strata watch " + created.job_id() + " --server " + connection.address +
-                                                                       "   and   strata get " + created.job_id() + " -o " + options.out);
+    if (connection.own)  // nobody can come back for the rest
+      for (const std::string& path : {options.out, options.layers_out}) discard_partial(path);
+    if (!stopped()) throw;
+    throw ended_early(connection, options, id, error);
   }
-  need_success(job);
-  fetch(connection, global, job, outputs[0], options.out, view);
-  if (!options.layers_out.empty()) fetch(connection, global, job, outputs[1], options.layers_out, view);
   if (!options.report.empty()) write_report(job, options.report);
-  if (global.output == Output::Json) std::cout << report(job).dump() << '\n';
+  if (global.output == Output::Json) std::cout << safe_dump(report(job)) << '\n';
   else if (!global.quiet) std::cerr << summary(job) << "wrote      " << options.out << '\n';
 }
 
 void submit(const GlobalOptions& global, const MeshOptions& options) {
   std::vector<v1::OutputFormat> outputs;
-  if (!options.out.empty()) outputs.push_back(format_of(options.out));
-  else outputs = {v1::OUTPUT_FORMAT_VTU, v1::OUTPUT_FORMAT_MESHB};
+  for (const std::string& format : options.formats) outputs.push_back(format_of("x." + format));
+  if (outputs.empty()) outputs = {v1::OUTPUT_FORMAT_VTU, v1::OUTPUT_FORMAT_MESHB};
   need_readable(options.surface, "the surface");
+  if (!options.spec.empty()) need_readable(options.spec, "the specification");
   ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
   Connection connection = connect(global, PrivateServerAllowed::No);
   const v1::Job job = create(connection, global, options, outputs, view);
@@ -203,6 +231,7 @@ void submit(const GlobalOptions& global, const MeshOptions& options) {
 
 void check(const GlobalOptions& global, const MeshOptions& options) {
   need_readable(options.surface, "the surface");
+  if (!options.spec.empty()) need_readable(options.spec, "the specification");
   ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
   Connection connection = connect(global, PrivateServerAllowed::Yes);
   v1::ValidateJobRequest request;
@@ -217,8 +246,8 @@ void check(const GlobalOptions& global, const MeshOptions& options) {
     for (const auto& finding : answer.findings())
       std::cout << lower_name(v1::Severity_Name(finding.severity()), "SEVERITY_") << ": " << describe(finding) << '\n';
     std::cout << "patches   ";
-    for (const auto& p : answer.patches()) std::cout << ' ' << p.name();
-    std::cout << '\n';
+    for (const auto& p : answer.patches()) std::cout << ' ' << printable(p.name());
+    std::cout << std::endl;
     const v1::Estimate& e = answer.estimate();
     if (answer.acceptable())
       std::printf("triangles  %lld\nhexes      about %lld\nmemory     about %.0f MB\ntime       about %.1f CPU s\n", static_cast<long long>(e.triangles()), static_cast<long long>(e.hexes()),
@@ -233,14 +262,15 @@ void watch_jobs(const GlobalOptions& global, const JobOptions& options) {
   for (const std::string& id : options.jobs) {
     const bool json = global.output == Output::Json;
     ProgressView view(json ? ProgressView::Style::Silent : ProgressView::style_for(global.quiet, global.no_progress));
-    WatchOptions watching{global.retries, global.timeout_seconds, {}};
+    WatchOptions watching{global.retries, {}};
     if (json) watching.on_event = [](const v1::WatchJobResponse& event) { std::cout << as_json(event) << std::endl; };
     v1::Job job;
     try {
       job = watch(connection, id, watching, view);
     } catch (const CommandError& error) {
-      if (interrupted == 0) throw;
-      throw CommandError(error.code(), "stopped watching; the job goes on", "strata watch " + id);
+      view.clear();
+      if (!stopped()) throw;
+      throw CommandError(error.code(), std::string(error.what()) + "; job " + id + " goes on", "come back with: strata watch " + id + " --server " + connection.address);
     }
     need_success(job);
     if (!json && !global.quiet) std::cerr << summary(job);
@@ -251,8 +281,8 @@ void wait_for_jobs(const GlobalOptions& global, const JobOptions& options) {
   Connection connection = connect(global, PrivateServerAllowed::No);
   for (const std::string& id : options.jobs) {
     ProgressView view(ProgressView::Style::Silent);
-    const double limit = options.wait_seconds > 0 ? options.wait_seconds : global.timeout_seconds;
-    need_success(watch(connection, id, {global.retries, limit, {}}, view));
+    const v1::Job job = watch(connection, id, {global.retries, {}}, view);
+    if (!options.any_end) need_success(job);
   }
 }
 
@@ -298,8 +328,8 @@ void show(const GlobalOptions& global, const JobOptions& options) {
       std::cout << as_json(job) << '\n';
       continue;
     }
-    std::cout << "job        " << job.job_id() << "  " << job.display_name() << "\nstate      " << state_name(job.state()) << '\n';
-    if (job.state() == v1::JOB_STATE_RUNNING) std::printf("stage      %s, %.0f %%\n", stage_name(job.progress().stage()).c_str(), 100 * job.progress().fraction());
+    std::cout << "job        " << job.job_id() << "  " << printable(job.display_name()) << "\nstate      " << state_name(job.state()) << '\n';
+    if (job.state() == v1::JOB_STATE_RUNNING) std::printf("stage      %s, %.0f %%\n", stage_name(job.progress().stage()).c_str(), 100 * job.progress().fraction()), std::fflush(stdout);
     if (job.has_error()) std::cout << "error      " << (job.error().has_diagnostic() ? describe(job.error().diagnostic()) : job.error().message()) << '\n';
     if (job.state() == v1::JOB_STATE_SUCCEEDED) std::cout << summary(job);
     for (const auto& a : job.adjustments()) std::cout << "note       " << describe(a) << '\n';
@@ -335,7 +365,7 @@ void server_status(const GlobalOptions& global) {
 }
 
 void version(const GlobalOptions& global, bool of_server) {
-  std::cout << "strata " << kVersion << '\n';
+  std::cout << "strata " << kVersion << std::endl;
   if (!of_server) return;
   Connection connection = connect(global, PrivateServerAllowed::Yes);
   const auto method = [&](auto* context, const auto& r, auto* response) { return connection.system->GetCapabilities(context, r, response); };

@@ -5,18 +5,20 @@
 #include <signal.h>
 #include <spawn.h>
 #include <stdlib.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "client/exit_code.h"
+#include "client/interrupt.h"
 
 extern char** environ;  // NOLINT(readability-redundant-declaration): POSIX declares it nowhere
 
@@ -27,7 +29,9 @@ namespace fs = std::filesystem;
 
 constexpr auto kStartLimit = std::chrono::seconds(20);
 constexpr auto kStopLimit = std::chrono::seconds(10);
-constexpr auto kConnectLimit = std::chrono::seconds(10);
+constexpr auto kKillLimit = std::chrono::seconds(2);
+constexpr auto kConnectLimit = std::chrono::seconds(5);
+constexpr std::size_t kLogTail = 2000;  // bytes of the private server's log in messages
 
 // stratad lies beside this program; else it is sought on PATH.
 std::string server_binary() {
@@ -62,12 +66,17 @@ std::shared_ptr<grpc::ChannelCredentials> credentials(const GlobalOptions& optio
   return grpc::SslCredentials(ssl);
 }
 
-bool wait_until_ready(grpc::Channel& channel, const PrivateServer* own, std::chrono::seconds limit) {
-  const auto until = std::chrono::system_clock::now() + limit;
-  while (std::chrono::system_clock::now() < until) {
+bool wait_until_ready(grpc::Channel& channel, const PrivateServer* own, int retries) {
+  using Clock = std::chrono::system_clock;
+  const auto until = Clock::now() + (own != nullptr ? kStartLimit : kConnectLimit);
+  int failures = 0;
+  while (Clock::now() < until && failures <= retries) {
+    go_on();
+    const grpc_connectivity_state state = channel.GetState(true);
+    if (state == GRPC_CHANNEL_READY) return true;
     if (own != nullptr && !own->running()) return false;
-    const auto step = std::chrono::system_clock::now() + std::chrono::milliseconds(own != nullptr ? 20 : 500);
-    if (channel.WaitForConnected(std::min(until, step))) return true;
+    const bool changed = channel.WaitForStateChange(state, std::min(until, Clock::now() + std::chrono::milliseconds(20)));
+    if (own == nullptr && changed && channel.GetState(false) == GRPC_CHANNEL_TRANSIENT_FAILURE) ++failures;
   }
   return false;
 }
@@ -81,10 +90,10 @@ PrivateServer::PrivateServer(int threads) {
                        "set TMPDIR to a directory that can be written");
   directory_ = pattern;
   address_ = "unix:" + directory_ + "/socket";
-  std::vector<std::string> words{server_binary(), "--listen", address_, "--data-dir", directory_ + "/data", "--slots", "1",
-                                 "--exit-with-parent"};
+  std::vector<std::string> words{server_binary(), "--listen", address_, "--data", directory_ + "/data", "--slots", "1",
+                                 "--drain-timeout", "0", "--exit-with-parent"};
   if (threads > 0) {
-    words.emplace_back("--cores");
+    words.emplace_back("--threads");
     words.push_back(std::to_string(threads));
   }
   std::vector<char*> arguments;
@@ -116,13 +125,13 @@ PrivateServer::PrivateServer(int threads) {
 PrivateServer::~PrivateServer() {
   if (pid_ > 0) {
     kill(pid_, SIGTERM);
-    const auto until = std::chrono::steady_clock::now() + kStopLimit;
+    auto until = std::chrono::steady_clock::now() + kStopLimit;
+    int signal = SIGTERM;  // once more, then without mercy
     int status = 0;
-    bool second = false;
     while (waitpid(pid_, &status, WNOHANG) == 0) {
       if (std::chrono::steady_clock::now() > until) {
-        kill(pid_, second ? SIGKILL : SIGTERM);
-        second = true;
+        kill(pid_, std::exchange(signal, SIGKILL));
+        until += kKillLimit;
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
@@ -131,7 +140,10 @@ PrivateServer::~PrivateServer() {
   fs::remove_all(directory_, ignored);
 }
 
-std::string PrivateServer::log() const { return read_file(directory_ + "/log"); }
+std::string PrivateServer::log() const {
+  const std::string text = read_file(directory_ + "/log");
+  return text.size() > kLogTail ? "..." + text.substr(text.size() - kLogTail) : text;
+}
 
 bool PrivateServer::running() const {
   siginfo_t info{};
@@ -153,11 +165,10 @@ Connection connect(const GlobalOptions& options, PrivateServerAllowed may_start)
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 30000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20000);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, connection.own ? 20 : 200);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, connection.own ? 20 : 200);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, connection.own ? 50 : 10000);
   if (!options.server_name.empty()) arguments.SetSslTargetNameOverride(options.server_name);
   connection.channel = grpc::CreateCustomChannel(connection.address, credentials(options), arguments);
-  if (!wait_until_ready(*connection.channel, connection.own.get(), connection.own ? kStartLimit : kConnectLimit)) {
+  if (!wait_until_ready(*connection.channel, connection.own.get(), options.retries)) {
     if (connection.own)
       throw CommandError(ExitCode::Unreachable, "the private stratad did not start:\n" + connection.own->log());
     throw CommandError(ExitCode::Unreachable, "no answer from the server at " + connection.address,

@@ -33,11 +33,18 @@ class CommandError : public std::runtime_error {
   [[nodiscard]] ExitCode code() const { return code_; }
   [[nodiscard]] const std::string& hint() const { return hint_; }
   [[nodiscard]] const std::string& reason() const { return reason_; }
+  // A JSON array of diagnostics; empty: none.
+  [[nodiscard]] const std::string& details() const { return details_; }
+  CommandError& with_details(std::string json) {
+    details_ = std::move(json);
+    return *this;
+  }
 
  private:
   ExitCode code_;
   std::string hint_;
   std::string reason_;  // UPPER_SNAKE, when the server gave one
+  std::string details_;
 };
 
 }  // namespace strata::client

@@ -4,12 +4,15 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
 #include "client/completion.h"
 #include "client/exit_code.h"
-#include "client/watch.h"
+#include "client/interrupt.h"
+#include "client/status.h"
+#include "client/version.h"
 
 namespace strata::client {
 namespace {
@@ -17,30 +20,33 @@ namespace {
 constexpr int kMmapThreshold = 256 << 20;  // receiving megabyte frames with the default costs a page fault per 4 KiB
 constexpr int kTrimThreshold = 1 << 30;
 
-void add_global(CLI::App& app, GlobalOptions& global) {
-  app.add_option("--server", global.server, "Address of stratad: host:port or unix:/path. Default: a private server for the time of the command")->envname("STRATA_SERVER");
+const std::map<std::string, Output> kOutputs{{"table", Output::Table}, {"json", Output::Json}, {"name", Output::Name}};
+
+void add_global(CLI::App& app, GlobalOptions& global, std::string& output) {
+  app.set_version_flag("--version", std::string("strata ") + kVersion, "Print the version and exit");
+  app.add_option("--server", global.server, "Address of stratad: host:port or unix:/path. Default: a private server for the time of the command")->type_name("ADDRESS")->envname("STRATA_SERVER");
   app.add_option("--tls-ca", global.tls_ca, "CA certificate (PEM) to verify the server with; turns TLS on")->envname("STRATA_TLS_CA")->check(CLI::ExistingFile);
   app.add_option("--tls-cert", global.tls_cert, "Client certificate (PEM)")->envname("STRATA_TLS_CERT")->check(CLI::ExistingFile);
   app.add_option("--tls-key", global.tls_key, "Key of the client certificate (PEM)")->envname("STRATA_TLS_KEY")->check(CLI::ExistingFile);
-  app.add_option("--server-name", global.server_name, "Name in the server's certificate, when it differs from the address");
-  app.add_option("--timeout", global.timeout_seconds, "Seconds to wait for a job at most; it goes on")->envname("STRATA_TIMEOUT")->check(CLI::NonNegativeNumber);
+  app.add_option("--server-name", global.server_name, "Name in the server's certificate, when it differs from the address")->type_name("NAME");
+  app.add_option("--timeout", global.timeout_seconds, "Seconds the command may take; a job on a server goes on")->envname("STRATA_TIMEOUT")->check(CLI::NonNegativeNumber);
   app.add_option("--retry", global.retries, "Tries without progress before giving up")->capture_default_str()->check(CLI::Range(0, 1000));
-  app.add_option("-o,--output-format", global.output, "Form of the output: table, json or name")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, Output>{{"table", Output::Table}, {"json", Output::Json}, {"name", Output::Name}}));
+  app.add_option("-o,--output-format", output, "Form of the output")->check(CLI::IsMember({"table", "json", "name"}))->type_name("FORM");
   app.add_flag("-q,--quiet", global.quiet, "Errors only");
   app.add_flag("--no-progress", global.no_progress, "One line a stage instead of a block that is redrawn");
 }
 
 CLI::App* job_command(CLI::App& app, const std::string& name, const std::string& help, JobOptions& options) {
   CLI::App* command = app.add_subcommand(name, help);
-  command->add_option("JOB", options.jobs, "Job id")->required();
+  command->add_option("JOB", options.jobs, "Job id")->required()->type_name("");
   return command;
 }
 
 void print_error(const CommandError& error, const GlobalOptions& global) {
   if (global.output == Output::Json) {
     nlohmann::json j{{"code", static_cast<int>(error.code())}, {"reason", error.reason()}, {"message", error.what()}, {"hint", error.hint()}};
-    std::cerr << j.dump() << '\n';
+    j["details"] = error.details().empty() ? nlohmann::json::array() : nlohmann::json::parse(error.details());
+    std::cerr << safe_dump(j) << '\n';
     return;
   }
   std::cerr << "strata: " << error.what() << '\n';
@@ -57,34 +63,35 @@ int run(int argc, char** argv) {
   MeshOptions meshing;
   JobOptions jobs;
   bool of_server = false;
-  std::string shell;
-  add_global(app, global);
+  std::string shell, output = "table", wait_for = "succeeded";
+  add_global(app, global, output);
 
   const auto surface_and_spec = [&](CLI::App* command) {
-    command->add_option("SURFACE", meshing.surface, "Surface: .stl, .obj, .off, .ply, .mesh or .meshb")->required();
-    command->add_option("--spec", meshing.spec, "Specification (JSON); default: sizes from the bounding box, no layers");
+    command->add_option("SURFACE", meshing.surface, "Surface: .stl, .obj, .off, .ply, .mesh or .meshb")->required()->type_name("");
+    command->add_option("--spec", meshing.spec, "Specification (JSON); default: sizes from the bounding box, no layers")->type_name("FILE");
     command->add_option("--threads", global.threads, "Threads for the job; the mesh does not depend on it")->check(CLI::Range(1, 4096));
   };
   CLI::App* mesh_command = app.add_subcommand("mesh", "Mesh a surface: upload, run, watch, download, verify");
   surface_and_spec(mesh_command);
-  mesh_command->add_option("-o,--out", meshing.out, "Mesh to write: .vtu, .vtk, .mesh or .meshb")->required();
-  mesh_command->add_option("--report", meshing.report, "Report to write (JSON): patches, quality, stages, where the mesh differs from the wish");
-  mesh_command->add_option("--layers-out", meshing.layers_out, "Layer of each hex, beside a Medit mesh: .sol or .solb");
+  mesh_command->add_option("-o,--out", meshing.out, "Mesh to write: .vtu, .vtk, .mesh or .meshb")->required()->type_name("FILE");
+  mesh_command->add_option("--report", meshing.report, "Report to write (JSON): patches, quality, stages, where the mesh differs from the wish")->type_name("FILE");
+  mesh_command->add_option("--layers-out", meshing.layers_out, "Layer of each hex, beside a Medit mesh: .sol or .solb")->type_name("FILE");
   mesh_command->add_flag("--cancel-on-exit", meshing.cancel_on_exit, "Ctrl-C cancels the job on a server that goes on");
   CLI::App* submit_command = app.add_subcommand("submit", "Upload and queue; prints the job id");
   surface_and_spec(submit_command);
-  submit_command->add_option("--format", meshing.out, "Result to make, as a file name such as x.vtu; default: .vtu and .meshb");
+  submit_command->add_option("--format", meshing.formats, "Results to make; default: vtu,meshb")->delimiter(',')->check(CLI::IsMember({"vtu", "vtk", "mesh", "meshb", "sol", "solb"}));
   CLI::App* check_command = app.add_subcommand("check", "Say what is wrong with a surface and a specification, and what a run would cost");
   surface_and_spec(check_command);
   CLI::App* watch_command = job_command(app, "watch", "Follow jobs to their end", jobs);
   CLI::App* wait_command = job_command(app, "wait", "Wait in silence for jobs to end", jobs);
-  wait_command->add_option("--for", jobs.wait_seconds, "Seconds at most")->check(CLI::NonNegativeNumber);
+  wait_command->add_option("--for", wait_for, "What counts as success: succeeded, or ended, which failing and cancelling is too")->check(CLI::IsMember({"succeeded", "ended"}))->capture_default_str();
   CLI::App* get_command = job_command(app, "get", "Download a result; run again to continue a broken download", jobs);
-  get_command->add_option("-o,--out", jobs.out, "File to write")->required();
-  get_command->add_option("--format", jobs.format, "Format, when the ending does not say it");
-  get_command->add_option("--report", jobs.report, "Report to write (JSON)");
+  get_command->get_option("JOB")->expected(1);
+  get_command->add_option("-o,--out", jobs.out, "File to write")->required()->type_name("FILE");
+  get_command->add_option("--format", jobs.format, "Format, when the ending does not say it")->type_name("FORMAT");
+  get_command->add_option("--report", jobs.report, "Report to write (JSON)")->type_name("FILE");
   CLI::App* list_command = app.add_subcommand("list", "List jobs, newest first");
-  list_command->add_option("--state", jobs.states, "Only jobs in these states");
+  list_command->add_option("--state", jobs.states, "Only jobs in these states")->type_name("STATE")->delimiter(',');
   CLI::App* show_command = job_command(app, "show", "Everything about jobs", jobs);
   CLI::App* cancel_command = job_command(app, "cancel", "Stop jobs", jobs);
   CLI::App* delete_command = job_command(app, "delete", "Forget jobs and their results", jobs);
@@ -102,6 +109,9 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::Usage);
   }
+  global.output = kOutputs.at(output);
+  jobs.any_end = wait_for == "ended";
+  limit_command(global.timeout_seconds);
   const std::vector<std::pair<CLI::App*, std::function<void()>>> table{
       {mesh_command, [&] { mesh(global, meshing); }},
       {submit_command, [&] { submit(global, meshing); }},

@@ -26,6 +26,7 @@ struct MeshOptions {
   std::string out;
   std::string report;           // file; empty: none
   std::string layers_out;       // .sol or .solb; empty: none
+  std::vector<std::string> formats;  // of submit: vtu, vtk, mesh, meshb, sol, solb, blocks
   bool cancel_on_exit = false;
 };
 
@@ -36,7 +37,7 @@ struct JobOptions {
   std::string report;
   std::vector<std::string> states;
   bool force = false;
-  double wait_seconds = 0;
+  bool any_end = false;         // wait: failed and cancelled count as well
 };
 
 }  // namespace strata::client

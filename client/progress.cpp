@@ -15,6 +15,7 @@ namespace {
 
 constexpr auto kRedraw = std::chrono::milliseconds(100);
 constexpr int kBarWidth = 30;
+constexpr int kNotes = 12;  // shown; the report has them all
 
 int terminal_width() {
   winsize size{};
@@ -86,8 +87,9 @@ void ProgressView::quality(const v1::Quality& q) {
 
 void ProgressView::adjustment(const v1::Diagnostic& diagnostic) {
   if (style_ == Style::Silent) return;
+  if (++notes_ > kNotes + 1) return;
   clear();
-  std::cerr << "note: " << describe(diagnostic) << '\n';
+  std::cerr << "note: " << (notes_ > kNotes ? "more of them, in the report" : describe(diagnostic)) << '\n';
 }
 
 void ProgressView::clear() {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <string>
 
 #include "strata/v1/job.pb.h"
@@ -34,6 +35,7 @@ class ProgressView {
   Style style_;
   std::string headline_, bar_, quality_;
   std::int64_t cells_ = 0;
+  int notes_ = 0;
   int drawn_ = 0;
   std::chrono::steady_clock::time_point last_{};
 };

@@ -1,7 +1,7 @@
 #include "client/report.h"
 
+#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -94,11 +94,12 @@ json report(const v1::Job& job) {
 void write_report(const v1::Job& job, const std::string& path) {
   const std::string part = path + ".part";
   std::ofstream out(part);
-  out << report(job).dump(1) << '\n';
+  out << report(job).dump(1, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
   out.close();
   std::error_code error;
-  if (out) std::filesystem::rename(part, path, error);
-  if (!out || error) throw CommandError(ExitCode::LocalIo, "cannot write the report '" + path + "': " + std::strerror(errno));
+  if (!out) error = std::make_error_code(static_cast<std::errc>(errno));
+  else std::filesystem::rename(part, path, error);
+  if (error) throw CommandError(ExitCode::LocalIo, "cannot write the report '" + path + "': " + error.message());
 }
 
 std::string summary(const v1::Job& job) {
@@ -106,7 +107,7 @@ std::string summary(const v1::Job& job) {
   const auto line = [&](const char* pattern, auto... values) {
     char text[256];
     std::snprintf(text, sizeof text, pattern, values...);
-    out << text << '\n';
+    out << printable(text) << '\n';
   };
   const auto number = [](std::int64_t n) { return static_cast<long long>(n); };
   const v1::Quality& q = job.quality();

@@ -2,8 +2,11 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "client/report.h"
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 
@@ -17,15 +20,15 @@ ExitCode exit_code(int grpc_code) {
     case grpc::INVALID_ARGUMENT:
     case grpc::OUT_OF_RANGE:
     case grpc::FAILED_PRECONDITION: return ExitCode::InputRejected;
-    case grpc::DEADLINE_EXCEEDED: return ExitCode::Timeout;
     case grpc::NOT_FOUND: return ExitCode::NotFound;
     case grpc::PERMISSION_DENIED:
     case grpc::UNAUTHENTICATED: return ExitCode::NotAuthorised;
     case grpc::RESOURCE_EXHAUSTED: return ExitCode::Overload;
     case grpc::UNIMPLEMENTED: return ExitCode::VersionMismatch;
+    case grpc::DEADLINE_EXCEEDED:
     case grpc::UNAVAILABLE: return ExitCode::Unreachable;
     case grpc::DATA_LOSS: return ExitCode::Integrity;
-    default: return ExitCode::JobFailed;
+    default: return ExitCode::Bug;
   }
 }
 
@@ -33,7 +36,7 @@ const char* hint_for(ExitCode code) {
   switch (code) {
     case ExitCode::Unreachable: return "the server may be restarting; jobs it accepted go on: run the command again";
     case ExitCode::Overload: return "try again later, or with larger sizes";
-    case ExitCode::VersionMismatch: return "client and server differ in version: strata version --server";
+    case ExitCode::VersionMismatch: return "client and server differ in version: strata version --of-server";
     case ExitCode::NotFound: return "strata list shows the jobs there are";
     default: return "";
   }
@@ -56,16 +59,25 @@ std::string ranges(const v1::Diagnostic& d) {
 
 }  // namespace
 
+// Names come from files: nothing in them may steer the terminal.
+std::string printable(std::string text) {
+  std::replace_if(text.begin(), text.end(), [](unsigned char c) { return (c < 0x20 && c != '\n') || c == 0x7f; }, '?');
+  return text;
+}
+
+std::string safe_dump(const nlohmann::json& json) { return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace); }
+
 std::string describe(const v1::Diagnostic& d) {
   std::string text = d.reason();
   if (!d.patch().empty()) text += " on patch " + d.patch();
   if (!d.field().empty() && d.message().find(d.field()) == std::string::npos) text += " at " + d.field();
-  return text + ": " + d.message() + ranges(d);
+  return printable(text + ": " + d.message() + ranges(d));
 }
 
 CommandError command_error(const grpc::Status& status, const std::string& doing) {
   google::rpc::Status details;
   std::string reason, where;
+  nlohmann::json diagnostics = nlohmann::json::array();
   if (details.ParseFromString(status.error_details())) {
     for (const auto& any : details.details()) {
       google::rpc::ErrorInfo info;
@@ -76,13 +88,17 @@ CommandError command_error(const grpc::Status& status, const std::string& doing)
         for (const auto& violation : bad.field_violations())
           if (status.error_message().find(violation.field()) == std::string::npos)
             where += "\n  " + violation.field() + ": " + violation.description();
-      if (any.UnpackTo(&diagnostic)) where += ranges(diagnostic);
+      if (any.UnpackTo(&diagnostic)) {
+        where += ranges(diagnostic);
+        diagnostics.push_back(to_json(diagnostic));
+      }
     }
   }
   const ExitCode code = exit_code(status.error_code());
   std::string message = status.error_message().empty() ? "the call failed" : status.error_message();
   if (!reason.empty()) message = reason + ": " + message;
-  return {code, message + where + (doing.empty() ? "" : " (while " + doing + ")"), hint_for(code), reason};
+  return CommandError(code, printable(message + where) + (doing.empty() ? "" : " (while " + doing + ")"), hint_for(code), reason)
+      .with_details(safe_dump(diagnostics));
 }
 
 CommandError command_error(const v1::Job& job) {
@@ -93,7 +109,8 @@ CommandError command_error(const v1::Job& job) {
                                                                     : ExitCode::JobFailed;
   std::string message = error.has_diagnostic() ? describe(error.diagnostic()) : error.reason() + ": " + error.message();
   const std::string hint = code == ExitCode::InputRejected ? "strata check shows everything that is wrong with a surface and a specification" : "";
-  return {code, message, hint, error.reason()};
+  return CommandError(code, printable(message), hint, error.reason())
+      .with_details(safe_dump(error.has_diagnostic() ? nlohmann::json::array({to_json(error.diagnostic())}) : nlohmann::json::array()));
 }
 
 bool transient(const grpc::Status& status) {

@@ -3,6 +3,8 @@
 
 #include <string>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "client/exit_code.h"
 #include "strata/v1/diagnostic.pb.h"
 #include "strata/v1/job.pb.h"
@@ -19,6 +21,10 @@ CommandError command_error(const grpc::Status& status, const std::string& doing)
 CommandError command_error(const v1::Job& job);
 // "LAYERS_THINNED on patch wing: ...", with place and triangles where known.
 std::string describe(const v1::Diagnostic& diagnostic);
+// On one line; bytes that are no UTF-8 are replaced.
+std::string safe_dump(const nlohmann::json& json);
+// Without control characters.
+std::string printable(std::string text);
 // Worth trying again after a while.
 bool transient(const grpc::Status& status);
 

@@ -1,18 +1,17 @@
 #include "client/transfer.h"
 
-#include <fcntl.h>
 #include <grpcpp/grpcpp.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <thread>
-#include <vector>
+#include <utility>
 
 #include "client/exit_code.h"
+#include "client/interrupt.h"
 #include "client/status.h"
 #include "proto/wire/crc32c.h"
 #include "proto/wire/sha256.h"
@@ -22,197 +21,252 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::chrono::milliseconds kFirstPause{200};
-constexpr std::chrono::milliseconds kLongestPause{10000};
-
-// Waits longer after each fruitless try; progress resets it.
-class Backoff {
- public:
-  explicit Backoff(int tries) : left_(tries), tries_(tries) {}
-  bool pause() {
-    if (left_-- <= 0) return false;
-    std::this_thread::sleep_for(pause_);
-    pause_ = std::min(2 * pause_, kLongestPause);
-    return true;
-  }
-  void reset() {
-    left_ = tries_;
-    pause_ = kFirstPause;
-  }
-
- private:
-  int left_, tries_;
-  std::chrono::milliseconds pause_ = kFirstPause;
-};
+constexpr std::chrono::seconds kCallLimit{30};
 
 [[noreturn]] void local_failure(const std::string& what, const std::string& path) {
   throw CommandError(ExitCode::LocalIo, what + " '" + path + "': " + std::strerror(errno));
 }
 
-std::string file_digest(const std::string& path, std::int64_t& size) {
+// Adds up to `most` bytes of the file to the digest, as many as there are; how many that was.
+std::int64_t digest_file(const std::string& path, std::int64_t most, wire::Sha256& digest) {
   std::ifstream in(path, std::ios::binary);
   if (!in) local_failure("cannot read", path);
-  wire::Sha256 digest;
   std::string piece(static_cast<std::size_t>(wire::kFrameBytes), '\0');
-  size = 0;
-  while (in) {
-    in.read(piece.data(), static_cast<std::streamsize>(piece.size()));
+  std::int64_t size = 0;
+  while (in && size < most) {
+    go_on();
+    in.read(piece.data(), static_cast<std::streamsize>(std::min<std::int64_t>(most - size, wire::kFrameBytes)));
     digest.add({piece.data(), static_cast<std::size_t>(in.gcount())});
     size += in.gcount();
   }
   if (in.bad()) local_failure("cannot read", path);
-  return digest.finish();
+  return size;
 }
 
-// Sends from `offset` to the end, as far as the connection holds.
-grpc::Status send(Connection& connection, const std::string& upload_id, const std::string& path, std::int64_t offset, std::int64_t size,
-                  const TransferProgress& progress, std::string& blob_id) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) local_failure("cannot read", path);
-  in.seekg(offset);
-  grpc::ClientContext context;
-  v1::WriteBlobResponse response;
-  const auto stream = connection.blobs->WriteBlob(&context, &response);
-  std::string piece;
-  bool first = true;
-  while (offset < size) {
-    const std::int64_t boundary = (offset / wire::kFrameBytes + 1) * wire::kFrameBytes;
-    piece.resize(static_cast<std::size_t>(std::min(boundary, size) - offset));
-    if (!in.read(piece.data(), static_cast<std::streamsize>(piece.size()))) {
-      context.TryCancel();
-      throw CommandError(ExitCode::LocalIo, "'" + path + "' changed while it was read", "do not write to the file during the upload");
-    }
-    v1::WriteBlobRequest request;
-    if (first) request.set_upload_id(upload_id);
-    first = false;
-    v1::Frame& frame = *request.mutable_frame();
-    frame.set_offset(offset);
-    frame.set_crc32c(wire::crc32c(piece));
-    frame.set_data(piece);
-    if (!stream->Write(request)) break;
-    offset += static_cast<std::int64_t>(piece.size());
-    if (progress) progress(offset, size);
+class Upload {
+ public:
+  Upload(Connection& connection, const std::string& path, const TransferProgress& progress)
+      : connection_(connection), path_(path), progress_(progress) {
+    wire::Sha256 digest;
+    size_ = digest_file(path, std::numeric_limits<std::int64_t>::max(), digest);
+    digest_ = digest.finish();
+    if (size_ == 0) throw CommandError(ExitCode::InputRejected, "SURFACE_EMPTY: '" + path + "' is empty", "", "SURFACE_EMPTY");
   }
-  stream->WritesDone();
-  const grpc::Status status = stream->Finish();
-  if (status.ok()) blob_id = response.blob().blob_id();
-  return status;
-}
+
+  std::string run(int retries) {
+    Backoff backoff(retries);
+    for (;;) {
+      const std::int64_t before = offset_;
+      grpc::Status status = upload_id_.empty() ? start() : locate();
+      if (offset_ > before) backoff.reset();
+      if (status.ok() && blob_id_.empty()) status = send();
+      if (!blob_id_.empty()) return blob_id_;
+      go_on();
+      if (status.error_code() == grpc::NOT_FOUND && !upload_id_.empty()) upload_id_.clear();  // the server forgot it: from the start
+      else if (!worth_another_try(status)) throw command_error(status, "uploading " + path_);
+      if (!backoff.pause()) throw command_error(status, "uploading " + path_);
+    }
+  }
+
+ private:
+  static bool worth_another_try(const grpc::Status& status) {
+    if (transient(status) || status.error_code() == grpc::OUT_OF_RANGE) return true;
+    return status.error_code() == grpc::DATA_LOSS && command_error(status, "").reason() == "FRAME_CRC_MISMATCH";
+  }
+
+  grpc::Status start() {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + kCallLimit);
+    CallGuard guard(context);
+    v1::StartUploadRequest request;
+    request.set_size_bytes(size_);
+    request.set_sha256(digest_);
+    v1::StartUploadResponse response;
+    const grpc::Status status = connection_.blobs->StartUpload(&context, request, &response);
+    upload_id_ = response.upload_id();
+    blob_id_ = response.blob().blob_id();
+    offset_ = 0;
+    return status;
+  }
+
+  // Where to go on.
+  grpc::Status locate() {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + kCallLimit);
+    CallGuard guard(context);
+    v1::GetUploadRequest request;
+    request.set_upload_id(upload_id_);
+    v1::GetUploadResponse response;
+    const grpc::Status status = connection_.blobs->GetUpload(&context, request, &response);
+    if (!status.ok()) return status;
+    blob_id_ = response.blob().blob_id();
+    offset_ = response.committed_offset();
+    return status;
+  }
+
+  // From `offset_` to the end, as far as the connection holds.
+  grpc::Status send() {
+    std::ifstream in(path_, std::ios::binary);
+    if (!in) local_failure("cannot read", path_);
+    in.seekg(offset_);
+    grpc::ClientContext context;
+    CallGuard guard(context);
+    v1::WriteBlobResponse response;
+    const auto stream = connection_.blobs->WriteBlob(&context, &response);
+    v1::WriteBlobRequest request;
+    request.set_upload_id(upload_id_);
+    std::int64_t offset = offset_;
+    while (offset < size_) {
+      const std::int64_t boundary = (offset / wire::kFrameBytes + 1) * wire::kFrameBytes;
+      std::string& piece = *request.mutable_frame()->mutable_data();
+      piece.resize(static_cast<std::size_t>(std::min(boundary, size_) - offset));
+      if (!in.read(piece.data(), static_cast<std::streamsize>(piece.size()))) {
+        context.TryCancel();
+        throw CommandError(ExitCode::LocalIo, "'" + path_ + "' changed while it was read", "do not write to the file during the upload");
+      }
+      request.mutable_frame()->set_offset(offset);
+      request.mutable_frame()->set_crc32c(wire::crc32c(piece));
+      if (!stream->Write(request)) break;
+      guard.heard();
+      offset += static_cast<std::int64_t>(piece.size());
+      if (progress_) progress_(offset, size_);
+    }
+    stream->WritesDone();
+    const grpc::Status status = stream->Finish();
+    if (status.ok()) blob_id_ = response.blob().blob_id();
+    return status;
+  }
+
+  Connection& connection_;
+  const std::string path_;
+  const TransferProgress& progress_;
+  std::int64_t size_ = 0, offset_ = 0;  // `offset_`: what the server said it has
+  std::string digest_, upload_id_, blob_id_;
+};
+
+std::string part_of(const std::string& path) { return path + ".part"; }
+// Beside the part: the id of the blob that it is a part of.
+std::string note_of(const std::string& path) { return path + ".part.id"; }
+
+class Download {
+ public:
+  Download(Connection& connection, const v1::Blob& blob, const std::string& path, const TransferProgress& progress)
+      : connection_(connection), blob_(blob), path_(path), progress_(progress) {}
+
+  // False: the bytes are not those of the blob.
+  bool run(int retries) {
+    open();
+    Backoff backoff(retries);
+    while (offset_ < blob_.size_bytes()) {
+      const std::int64_t before = offset_;
+      const grpc::Status status = receive();
+      if (offset_ >= blob_.size_bytes()) break;
+      out_.flush();
+      go_on();
+      if (!status.ok() && !transient(status) && status.error_code() != grpc::DATA_LOSS && status.error_code() != grpc::CANCELLED)
+        throw command_error(status, doing());
+      if (offset_ > before) backoff.reset();
+      if (!backoff.pause()) throw command_error(status.ok() ? grpc::Status(grpc::UNAVAILABLE, "the server stops sending") : status, doing());
+    }
+    out_.close();
+    if (!out_) local_failure("cannot write", part_of(path_));
+    return digest_.finish() == blob_.sha256();
+  }
+
+  // Some of the bytes are from an earlier run.
+  [[nodiscard]] bool continued() const { return continued_; }
+  [[nodiscard]] std::string doing() const { return "downloading to " + path_; }
+
+  void finish() const {
+    std::error_code error;
+    fs::rename(part_of(path_), path_, error);
+    if (error) throw CommandError(ExitCode::LocalIo, "cannot rename '" + part_of(path_) + "' to '" + path_ + "': " + error.message());
+    fs::remove(note_of(path_), error);
+  }
+
+ private:
+  void open() {
+    const std::string part = part_of(path_);
+    offset_ = bytes_there();
+    if (offset_ > 0) offset_ = digest_file(part, offset_, digest_);
+    continued_ = offset_ > 0;
+    std::ofstream note(note_of(path_));
+    note << blob_.blob_id() << '\n';
+    note.close();
+    out_.open(part, continued_ ? std::ios::binary | std::ios::in | std::ios::out : std::ios::binary | std::ios::trunc);
+    if (!out_ || !note) local_failure("cannot write", part);
+    out_.seekp(offset_);
+  }
+
+  // A part counts only when the note beside it names this blob.
+  [[nodiscard]] std::int64_t bytes_there() const {
+    std::ifstream note(note_of(path_));
+    std::string id;
+    if (!(note >> id) || id != blob_.blob_id()) return 0;
+    std::error_code error;
+    const auto size = fs::file_size(part_of(path_), error);
+    return error ? 0 : std::min<std::int64_t>(static_cast<std::int64_t>(size), blob_.size_bytes());
+  }
+
+  // From `offset_` as far as the connection holds.
+  grpc::Status receive() {
+    grpc::ClientContext context;
+    CallGuard guard(context);
+    v1::ReadBlobRequest request;
+    request.set_blob_id(blob_.blob_id());
+    request.set_offset(offset_);
+    const auto stream = connection_.blobs->ReadBlob(&context, request);
+    v1::ReadBlobResponse response;
+    bool damaged = false;
+    while (!damaged && stream->Read(&response)) {
+      guard.heard();
+      if (!response.has_frame()) continue;
+      const v1::Frame& frame = response.frame();
+      damaged = frame.offset() != offset_ || wire::crc32c(frame.data()) != frame.crc32c();
+      if (!damaged) accept(frame.data());
+    }
+    if (damaged) context.TryCancel();
+    const grpc::Status status = stream->Finish();
+    return damaged ? grpc::Status(grpc::DATA_LOSS, "a frame arrived damaged") : status;
+  }
+
+  void accept(const std::string& data) {
+    if (!out_.write(data.data(), static_cast<std::streamsize>(data.size()))) local_failure("cannot write", part_of(path_));
+    digest_.add(data);
+    offset_ += static_cast<std::int64_t>(data.size());
+    if (progress_) progress_(offset_, blob_.size_bytes());
+  }
+
+  Connection& connection_;
+  const v1::Blob& blob_;
+  const std::string path_;
+  const TransferProgress& progress_;
+  std::fstream out_;
+  wire::Sha256 digest_;
+  std::int64_t offset_ = 0;
+  bool continued_ = false;
+};
 
 }  // namespace
 
 std::string upload(Connection& connection, const std::string& path, int retries, const TransferProgress& progress) {
-  const std::string doing = "uploading " + path;
-  std::int64_t size = 0;
-  const std::string digest = file_digest(path, size);
-  if (size == 0) throw CommandError(ExitCode::InputRejected, "SURFACE_EMPTY: '" + path + "' is empty", "", "SURFACE_EMPTY");
-  Backoff backoff(retries);
-  v1::StartUploadResponse started;
-  for (;;) {
-    grpc::ClientContext context;
-    v1::StartUploadRequest request;
-    request.set_size_bytes(size);
-    request.set_sha256(digest);
-    const grpc::Status status = connection.blobs->StartUpload(&context, request, &started);
-    if (status.ok()) break;
-    if (!transient(status) || !backoff.pause()) throw command_error(status, doing);
-  }
-  if (started.has_blob()) return started.blob().blob_id();
-  std::int64_t offset = 0;
-  for (;;) {
-    std::string blob_id;
-    const grpc::Status status = send(connection, started.upload_id(), path, offset, size, progress, blob_id);
-    if (status.ok() && !blob_id.empty()) return blob_id;
-    if (!status.ok() && !transient(status) && status.error_code() != grpc::OUT_OF_RANGE) throw command_error(status, doing);
-    for (;;) {  // where to go on
-      grpc::ClientContext context;
-      v1::GetUploadRequest request;
-      request.set_upload_id(started.upload_id());
-      v1::GetUploadResponse response;
-      const grpc::Status asked = connection.blobs->GetUpload(&context, request, &response);
-      if (asked.ok()) {
-        if (response.has_blob()) return response.blob().blob_id();
-        if (response.committed_offset() > offset) backoff.reset();
-        offset = response.committed_offset();
-        break;
-      }
-      if (!transient(asked) || !backoff.pause()) throw command_error(asked, doing);
-    }
-    if (!backoff.pause()) throw command_error(status, doing);
-  }
+  return Upload(connection, path, progress).run(retries);
 }
 
 void download(Connection& connection, const v1::Blob& blob, const std::string& path, int retries, const TransferProgress& progress) {
-  const std::string doing = "downloading to " + path;
-  const std::string part = path + ".part", note = path + ".part.id";
-  // A partial file counts only when the note beside it names this blob.
-  std::int64_t offset = 0;
-  {
-    std::ifstream in(note);
-    std::string id;
-    std::error_code error;
-    if (in >> id && id == blob.blob_id() && fs::exists(part, error)) offset = std::min<std::int64_t>(static_cast<std::int64_t>(fs::file_size(part, error)), blob.size_bytes());
+  for (bool again = true; again;) {
+    Download one(connection, blob, path, progress);
+    if (one.run(retries)) return one.finish();
+    again = one.continued();  // an old part was damaged: once more from the start
+    discard_partial(path);
   }
-  wire::Sha256 digest;
-  if (offset > 0) {
-    std::ifstream in(part, std::ios::binary);
-    std::string piece(static_cast<std::size_t>(wire::kFrameBytes), '\0');
-    std::int64_t left = offset;
-    while (left > 0 && in.read(piece.data(), std::min<std::int64_t>(left, wire::kFrameBytes))) {
-      digest.add({piece.data(), static_cast<std::size_t>(in.gcount())});
-      left -= in.gcount();
-    }
-    if (left > 0) {
-      offset = 0;
-      digest = wire::Sha256();
-    }
-  }
-  std::ofstream(note) << blob.blob_id() << '\n';
-  std::ofstream out(part, offset > 0 ? std::ios::binary | std::ios::in | std::ios::out : std::ios::binary | std::ios::trunc);
-  if (!out) local_failure("cannot write", part);
-  out.seekp(offset);
-  Backoff backoff(retries);
-  while (offset < blob.size_bytes()) {
-    grpc::ClientContext context;
-    v1::ReadBlobRequest request;
-    request.set_blob_id(blob.blob_id());
-    request.set_offset(offset);
-    const auto stream = connection.blobs->ReadBlob(&context, request);
-    v1::ReadBlobResponse response;
-    bool damaged = false;
-    while (stream->Read(&response)) {
-      if (!response.has_frame()) continue;
-      const v1::Frame& frame = response.frame();
-      if (frame.offset() != offset || wire::crc32c(frame.data()) != frame.crc32c()) {
-        damaged = true;
-        context.TryCancel();
-        break;
-      }
-      if (!out.write(frame.data().data(), static_cast<std::streamsize>(frame.data().size()))) local_failure("cannot write", part);
-      digest.add(frame.data());
-      offset += static_cast<std::int64_t>(frame.data().size());
-      backoff.reset();
-      if (progress) progress(offset, blob.size_bytes());
-    }
-    const grpc::Status status = stream->Finish();
-    if (offset >= blob.size_bytes()) break;
-    if (!damaged && !status.ok() && !transient(status)) throw command_error(status, doing);
-    if (!backoff.pause()) {
-      if (damaged) throw CommandError(ExitCode::Integrity, "frames arrive damaged (while " + doing + ")", "check the network between client and server");
-      throw command_error(status, doing);
-    }
-  }
-  out.close();
-  if (!out) local_failure("cannot write", part);
-  if (digest.finish() != blob.sha256()) {
-    fs::remove(part);
-    fs::remove(note);
-    throw CommandError(ExitCode::Integrity, "the downloaded file has the wrong digest (while " + doing + ")", "run the command again");
-  }
-  std::error_code error;
-  fs::rename(part, path, error);
-  if (error) throw CommandError(ExitCode::LocalIo, "cannot rename '" + part + "' to '" + path + "': " + error.message());
-  fs::remove(note, error);
+  throw CommandError(ExitCode::Integrity, "the downloaded file has the wrong digest (while downloading to " + path + ")", "run the command again");
+}
+
+void discard_partial(const std::string& path) {
+  std::error_code ignored;
+  fs::remove(part_of(path), ignored);
+  fs::remove(note_of(path), ignored);
 }
 
 }  // namespace strata::client

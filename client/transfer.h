@@ -17,4 +17,7 @@ std::string upload(Connection& connection, const std::string& path, int retries,
 // by an earlier run is continued.
 void download(Connection& connection, const v1::Blob& blob, const std::string& path, int retries, const TransferProgress& progress);
 
+// Removes what a broken download of `path` left, when nothing can continue it.
+void discard_partial(const std::string& path);
+
 }  // namespace strata::client
