@@ -6,6 +6,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/parallel_sort.h>
 #include <oneapi/tbb/partitioner.h>
+#include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
 #include <cstddef>
@@ -75,6 +76,13 @@ Int exclusive_scan(std::vector<Int>& values) {
 template <class It, class Less = std::less<>>
 void parallel_sort(It begin, It end, Less less = {}) {
   tbb::parallel_sort(begin, end, less);
+}
+
+// Runs body() on this thread with at most `threads` threads (this one included) for every loop inside.
+template <class Body>
+void with_threads(int threads, const Body& body) {
+  tbb::task_arena arena(threads);
+  arena.execute(body);
 }
 
 }  // namespace strata

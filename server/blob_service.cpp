@@ -1,0 +1,163 @@
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <atomic>
+#include <utility>
+
+#include "server/frames.h"
+#include "server/ids.h"
+#include "server/services.h"
+#include "server/status.h"
+#include "strata/v1/blob.grpc.pb.h"
+
+namespace strata::server {
+namespace {
+
+using grpc::CallbackServerContext;
+
+// Takes one frame at a time; the next is read when this one is written.
+class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
+ public:
+  WriteCall(BlobStore& blobs, const WireLimits& limits, v1::WriteBlobResponse* response)
+      : blobs_(blobs), limits_(limits), response_(response) {
+    StartRead(&request_);
+  }
+
+  void OnReadDone(bool ok) override {
+    if (!ok) return Finish(status_of([&] { end(); }));
+    const grpc::Status status = status_of([&] { take(); });
+    if (status.ok()) return StartRead(&request_);
+    keep_what_came();
+    Finish(status);
+  }
+  void OnDone() override { delete this; }
+
+ private:
+  void take() {
+    if (upload_id_.empty()) upload_id_ = request_.upload_id();
+    if (!request_.has_frame()) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "frame: is missing").at("frame");
+    check_frame(request_.frame(), limits_);
+    blobs_.write_upload(upload_id_, request_.frame().offset(), request_.frame().data());
+  }
+
+  void end() {
+    if (upload_id_.empty()) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "no message came").at("upload_id");
+    const UploadInfo upload = blobs_.commit_upload(upload_id_);
+    response_->set_committed_offset(upload.committed);
+    if (upload.blob) *response_->mutable_blob() = to_wire(*upload.blob);
+  }
+
+  void keep_what_came() {
+    if (blobs_.find_upload(upload_id_)) static_cast<void>(status_of([&] { blobs_.commit_upload(upload_id_); }));
+  }
+
+  BlobStore& blobs_;
+  const WireLimits& limits_;
+  v1::WriteBlobResponse* response_;
+  v1::WriteBlobRequest request_;
+  std::string upload_id_;
+};
+
+// One outstanding write: gRPC's flow control holds the disk reads back.
+class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
+ public:
+  ReadCall(const BlobStore& blobs, const v1::ReadBlobRequest& request) {
+    const grpc::Status status = status_of([&] { open(blobs, request); });
+    if (status.ok()) StartWrite(&response_);
+    else Finish(status);
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (!ok || gone_) return Finish(grpc::Status::CANCELLED);
+    if (at_ == end_) return Finish(grpc::Status::OK);
+    const grpc::Status status = status_of([&] {
+      fill_frame(*reader_, at_, end_, *response_.mutable_frame());
+      at_ += static_cast<std::int64_t>(response_.frame().data().size());
+    });
+    if (!status.ok()) return Finish(status);
+    StartWrite(&response_);
+  }
+  void OnCancel() override { gone_ = true; }
+  void OnDone() override { delete this; }
+
+ private:
+  void open(const BlobStore& blobs, const v1::ReadBlobRequest& request) {
+    const auto blob = is_id(request.blob_id()) ? blobs.find(request.blob_id()) : std::nullopt;
+    if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no such blob").at("blob_id");
+    if (request.offset() < 0 || request.offset() > blob->size)
+      throw Refusal(Refused::OutOfRange, "OFFSET_OUT_OF_RANGE", "offset must be 0 to " + std::to_string(blob->size)).at("offset");
+    if (request.limit() < 0) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "limit must not be negative").at("limit");
+    reader_ = blobs.open(blob->id);
+    at_ = request.offset();
+    end_ = request.limit() == 0 ? blob->size : at_ + std::min(request.limit(), blob->size - at_);
+    *response_.mutable_blob() = to_wire(*blob);
+  }
+
+  std::unique_ptr<BlobReader> reader_;
+  std::int64_t at_ = 0, end_ = 0;
+  v1::ReadBlobResponse response_;
+  std::atomic<bool> gone_ = false;
+};
+
+class BlobService final : public v1::BlobService::CallbackService {
+ public:
+  BlobService(BlobStore& blobs, const WireLimits& limits) : blobs_(blobs), limits_(limits) {}
+
+  grpc::ServerUnaryReactor* StartUpload(CallbackServerContext* context, const v1::StartUploadRequest* request,
+                                        v1::StartUploadResponse* response) override {
+    return answer(context, [&] {
+      check_upload(request->size_bytes(), request->sha256(), limits_);
+      const auto known = request->sha256().empty() ? std::nullopt : blobs_.find_digest(request->sha256());
+      if (known && known->size == request->size_bytes()) *response->mutable_blob() = to_wire(*known);
+      else response->set_upload_id(blobs_.start_upload(request->size_bytes(), request->sha256()).id);
+    });
+  }
+
+  grpc::ServerReadReactor<v1::WriteBlobRequest>* WriteBlob(CallbackServerContext*, v1::WriteBlobResponse* response) override {
+    return new WriteCall(blobs_, limits_, response);
+  }
+
+  grpc::ServerUnaryReactor* GetUpload(CallbackServerContext* context, const v1::GetUploadRequest* request,
+                                      v1::GetUploadResponse* response) override {
+    return answer(context, [&] {
+      const auto upload = is_id(request->upload_id()) ? blobs_.find_upload(request->upload_id()) : std::nullopt;
+      if (!upload) throw Refusal(Refused::NotFound, "UPLOAD_NOT_FOUND", "there is no such upload").at("upload_id");
+      response->set_upload_id(upload->id);
+      response->set_size_bytes(upload->size);
+      response->set_committed_offset(upload->committed);
+      if (upload->blob) *response->mutable_blob() = to_wire(*upload->blob);
+    });
+  }
+
+  grpc::ServerWriteReactor<v1::ReadBlobResponse>* ReadBlob(CallbackServerContext*, const v1::ReadBlobRequest* request) override {
+    return new ReadCall(blobs_, *request);
+  }
+
+  grpc::ServerUnaryReactor* GetBlob(CallbackServerContext* context, const v1::GetBlobRequest* request,
+                                    v1::GetBlobResponse* response) override {
+    return answer(context, [&] {
+      const auto blob = is_id(request->blob_id()) ? blobs_.find(request->blob_id()) : std::nullopt;
+      if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no such blob").at("blob_id");
+      *response->mutable_blob() = to_wire(*blob);
+    });
+  }
+
+ private:
+  template <class Body>
+  static grpc::ServerUnaryReactor* answer(CallbackServerContext* context, const Body& body) {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    reactor->Finish(status_of(body));
+    return reactor;
+  }
+
+  BlobStore& blobs_;
+  const WireLimits limits_;
+};
+
+}  // namespace
+
+std::unique_ptr<grpc::Service> make_blob_service(BlobStore& blobs, const WireLimits& limits) {
+  return std::make_unique<BlobService>(blobs, limits);
+}
+
+}  // namespace strata::server

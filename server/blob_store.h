@@ -1,0 +1,75 @@
+// Where surfaces and meshes lie. Blobs are written once, complete, and then only read and removed.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace strata::server {
+
+struct BlobInfo {
+  std::string id;
+  std::int64_t size = 0;
+  std::string sha256;  // 32 bytes
+};
+
+struct UploadInfo {
+  std::string id;
+  std::int64_t size = 0;
+  std::int64_t committed = 0;     // durable
+  std::optional<BlobInfo> blob;   // once complete
+};
+
+// A blob that is open: it stays readable even when removed meanwhile.
+class BlobReader {
+ public:
+  virtual ~BlobReader() = default;
+  // Fills `into` from `offset`; short only at the end of the blob.
+  virtual std::size_t read(std::int64_t offset, std::span<char> into) const = 0;
+};
+
+// Bytes on their way to become a blob. Dropped without publish: nothing stays.
+class BlobWriter {
+ public:
+  virtual ~BlobWriter() = default;
+  virtual void write(std::string_view bytes) = 0;
+  // Durable on return. Call at most once, last.
+  virtual BlobInfo publish() = 0;
+};
+
+// Safe to call from any thread. Errors of the device are Refusals (STORAGE_FULL, STORAGE_FAILED).
+class BlobStore {
+ public:
+  virtual ~BlobStore() = default;
+
+  virtual std::unique_ptr<BlobWriter> create() = 0;
+  virtual std::optional<BlobInfo> find(const std::string& id) const = 0;
+  virtual std::optional<BlobInfo> find_digest(const std::string& sha256) const = 0;
+  // Throws Refusal NOT_FOUND.
+  virtual std::unique_ptr<BlobReader> open(const std::string& id) const = 0;
+  // No error when it is not there.
+  virtual void remove(const std::string& id) = 0;
+
+  // Uploads in pieces. `sha256` may be empty: then nothing is compared.
+  virtual UploadInfo start_upload(std::int64_t size, const std::string& sha256) = 0;
+  virtual std::optional<UploadInfo> find_upload(const std::string& id) const = 0;
+  // Appends at `offset`, which must be the end of what was written. Throws Refusal: NOT_FOUND, OUT_OF_RANGE (wrong offset or beyond the
+  // size). The last byte completes the upload; DATA_LOSS when the digest disagrees, and the upload is empty again.
+  virtual UploadInfo write_upload(const std::string& id, std::int64_t offset, std::string_view bytes) = 0;
+  // Makes what was written durable: the committed offset moves up.
+  virtual UploadInfo commit_upload(const std::string& id) = 0;
+};
+
+// The whole blob in memory.
+std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob);
+
+// Files under `folder`: blobs/ID-DIGEST, uploads/ID-SIZE-DIGEST, temporary/. Written to a temporary file, synced, renamed, folder synced.
+// Makes the folders; removes leftovers of earlier runs from temporary/.
+std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder);
+
+}  // namespace strata::server

@@ -1,0 +1,34 @@
+// How stratad is told what to do: flags, then STRATAD_* variables, then the file given by --config, then defaults.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "server/server.h"
+
+namespace strata::server {
+
+struct Config {
+  ServerOptions server;
+  DeskOptions desk;
+  std::string data_folder = "strata-data";
+  int slots = 1;                       // jobs at once
+  int threads = 0;                     // of all jobs together; 0: the cores this process may use
+  double drain_timeout_seconds = 300;  // for running jobs after SIGTERM
+  bool exit_with_parent = false;
+  int ready_fd = -1;                   // gets the addresses, one a line, and is closed, when the server is ready
+  std::string metrics_listen;          // host:port; empty: none
+  std::string log_level = "info";
+};
+
+// What the command line asked for; or an exit code, after it printed help, the version or a complaint.
+struct ParsedConfig {
+  std::optional<Config> config;
+  int exit_code = 0;
+};
+ParsedConfig parse_config(int argc, const char* const* argv);
+
+// Cores this process may use: affinity and the quota of its cgroup.
+int usable_cores();
+
+}  // namespace strata::server

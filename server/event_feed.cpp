@@ -1,0 +1,50 @@
+#include "server/event_feed.h"
+
+#include <google/protobuf/util/time_util.h>
+
+#include <utility>
+
+namespace strata::server {
+
+EventFeed::EventFeed(const JobDesk& desk, std::string job_id, const FeedOptions& options)
+    : desk_(desk), job_id_(std::move(job_id)), options_(options), seen_(options.after_sequence) {}
+
+std::optional<v1::WatchJobResponse> EventFeed::next() {
+  const Clock::time_point now = Clock::now();
+  v1::WatchJobResponse message;
+  const auto give = [&] {
+    last_given_ = now;
+    if (message.sequence() > 0) seen_ = message.sequence();
+    if (!message.has_time()) *message.mutable_time() = google::protobuf::util::TimeUtil::GetCurrentTime();
+    return std::optional(std::move(message));
+  };
+
+  if (finished_) return {};
+  if (!begun_) {
+    begun_ = true;
+    *message.mutable_snapshot() = desk_.get(job_id_);
+    return give();
+  }
+  if (pending_.empty() && !done_) {
+    News news = desk_.news(job_id_, seen_, now - last_progress_ >= options_.min_interval);
+    pending_.assign(std::make_move_iterator(news.events.begin()), std::make_move_iterator(news.events.end()));
+    done_ = std::move(news.done);
+  }
+  if (!pending_.empty()) {
+    message = std::move(pending_.front());
+    pending_.pop_front();
+    if (message.has_progress()) last_progress_ = now;
+    return give();
+  }
+  if (done_) {
+    finished_ = true;
+    message.set_sequence(done_->last_sequence());
+    *message.mutable_done() = std::move(*done_);
+    return give();
+  }
+  if (now - last_given_ < options_.heartbeat) return {};
+  message.mutable_heartbeat();
+  return give();
+}
+
+}  // namespace strata::server

@@ -1,0 +1,365 @@
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <utility>
+
+#include "proto/wire/crc32c.h"
+#include "proto/wire/sha256.h"
+#include "server/blob_store.h"
+#include "server/ids.h"
+#include "server/refusal.h"
+
+namespace strata::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void device_failed(const std::string& doing) {
+  const int error = errno;
+  const bool full = error == ENOSPC || error == EDQUOT;
+  throw Refusal(full ? Refused::ResourceExhausted : Refused::Unavailable, full ? "STORAGE_FULL" : "STORAGE_FAILED",
+                doing + ": " + std::strerror(error))
+      .retry_after(full ? 60 : 5);
+}
+
+// An open file; closes itself.
+class File {
+ public:
+  File(const std::string& path, int flags) : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0600)) {
+    if (fd_ < 0) device_failed("cannot open a stored file");
+  }
+  ~File() { ::close(fd_); }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+
+  void write(std::int64_t offset, std::string_view bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t n = ::pwrite(fd_, bytes.data(), bytes.size(), offset);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) device_failed("cannot write a blob");
+      bytes.remove_prefix(static_cast<std::size_t>(n));
+      offset += n;
+    }
+  }
+  std::size_t read(std::int64_t offset, std::span<char> into) const {
+    std::size_t done = 0;
+    while (done < into.size()) {
+      const ssize_t n = ::pread(fd_, into.data() + done, into.size() - done, offset + static_cast<std::int64_t>(done));
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) device_failed("cannot read a blob");
+      if (n == 0) break;
+      done += static_cast<std::size_t>(n);
+    }
+    return done;
+  }
+  void sync() const {
+    if (::fsync(fd_) != 0) device_failed("cannot make a blob durable");
+  }
+  void truncate(std::int64_t size) const {
+    if (::ftruncate(fd_, size) != 0) device_failed("cannot empty an upload");
+  }
+
+ private:
+  int fd_;
+};
+
+std::string hex(const std::string& bytes) {
+  static constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const unsigned char byte : bytes) {
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 15];
+  }
+  return text;
+}
+
+std::string unhex(std::string_view text) {
+  const auto digit = [](char c) { return c <= '9' ? c - '0' : c - 'a' + 10; };
+  std::string bytes;
+  for (std::size_t i = 0; i + 1 < text.size(); i += 2)
+    bytes += static_cast<char>(digit(text[i]) * 16 + digit(text[i + 1]));
+  return bytes;
+}
+
+void sync_folder(const std::string& folder) {
+  const File directory(folder, O_RDONLY | O_DIRECTORY);
+  directory.sync();
+}
+
+std::string digest_of(const File& file, std::int64_t size) {
+  wire::Sha256 sha;
+  std::vector<char> buffer(wire::kFrameBytes);
+  for (std::int64_t at = 0; at < size;) {
+    const std::size_t n = file.read(at, buffer);
+    if (n == 0) break;
+    sha.add({buffer.data(), n});
+    at += static_cast<std::int64_t>(n);
+  }
+  return sha.finish();
+}
+
+class FileReader final : public BlobReader {
+ public:
+  explicit FileReader(const std::string& path) : file_(path, O_RDONLY) {}
+  std::size_t read(std::int64_t offset, std::span<char> into) const override { return file_.read(offset, into); }
+
+ private:
+  File file_;
+};
+
+class FileBlobStore final : public BlobStore {
+ public:
+  explicit FileBlobStore(const std::string& folder)
+      : blobs_(folder + "/blobs"), uploads_(folder + "/uploads"), temporary_(folder + "/temporary") {
+    fs::remove_all(temporary_);
+    for (const std::string& f : {blobs_, uploads_, temporary_}) fs::create_directories(f);
+    for (const auto& entry : fs::directory_iterator(blobs_)) remember_blob(entry);
+    for (const auto& entry : fs::directory_iterator(uploads_)) remember_upload(entry);
+  }
+
+  std::unique_ptr<BlobWriter> create() override;
+  BlobInfo publish(const std::string& path, std::int64_t size, const std::string& sha256, const std::string& id);
+
+  std::optional<BlobInfo> find(const std::string& id) const override {
+    const std::lock_guard lock(mutex_);
+    const auto found = known_.find(id);
+    return found == known_.end() ? std::nullopt : std::optional(found->second);
+  }
+
+  std::optional<BlobInfo> find_digest(const std::string& sha256) const override {
+    const std::lock_guard lock(mutex_);
+    const auto found = by_digest_.lower_bound({sha256, ""});
+    if (found == by_digest_.end() || found->first.first != sha256) return {};
+    return known_.at(found->first.second);
+  }
+
+  std::unique_ptr<BlobReader> open(const std::string& id) const override {
+    const auto blob = find(id);
+    if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no blob " + shown(id)).at("blob_id");
+    return std::make_unique<FileReader>(path_of(*blob));
+  }
+
+  void remove(const std::string& id) override {
+    const std::lock_guard lock(mutex_);
+    const auto found = known_.find(id);
+    if (found == known_.end()) return;
+    ::unlink(path_of(found->second).c_str());
+    by_digest_.erase({found->second.sha256, id});
+    known_.erase(found);
+  }
+
+  UploadInfo start_upload(std::int64_t size, const std::string& sha256) override {
+    auto upload = std::make_shared<Upload>();
+    upload->info.id = random_id();
+    upload->info.size = size;
+    upload->expected = sha256;
+    upload->path = uploads_ + "/" + upload->info.id + "-" + std::to_string(size) + "-" + hex(sha256);
+    upload->file = std::make_unique<File>(upload->path, O_RDWR | O_CREAT | O_EXCL);
+    sync_folder(uploads_);
+    const std::lock_guard lock(mutex_);
+    known_uploads_[upload->info.id] = upload;
+    return upload->info;
+  }
+
+  std::optional<UploadInfo> find_upload(const std::string& id) const override {
+    const auto upload = upload_of(id);
+    if (!upload) return {};
+    const std::lock_guard lock(upload->mutex);
+    return upload->info;
+  }
+
+  UploadInfo write_upload(const std::string& id, std::int64_t offset, std::string_view bytes) override {
+    const auto upload = upload_or_refuse(id);
+    const std::lock_guard lock(upload->mutex);
+    if (upload->info.blob) return upload->info;
+    if (offset != upload->written)
+      throw Refusal(Refused::OutOfRange, "OFFSET_MISMATCH",
+                    "the upload goes on at offset " + std::to_string(upload->written) + ", not " + std::to_string(offset))
+          .at("frame.offset");
+    if (static_cast<std::int64_t>(bytes.size()) > upload->info.size - offset)
+      throw Refusal(Refused::OutOfRange, "UPLOAD_TOO_LONG",
+                    "the upload was announced with " + std::to_string(upload->info.size) + " bytes")
+          .at("frame.data");
+    upload->file->write(offset, bytes);
+    upload->written += static_cast<std::int64_t>(bytes.size());
+    if (upload->hashed == offset) {  // else the digest is computed from the file at the end
+      upload->sha.add(bytes);
+      upload->hashed = upload->written;
+    }
+    if (upload->written == upload->info.size) complete(*upload);
+    else if (upload->written - upload->info.committed >= kSyncEvery) commit(*upload);
+    return upload->info;
+  }
+
+  UploadInfo commit_upload(const std::string& id) override {
+    const auto upload = upload_or_refuse(id);
+    const std::lock_guard lock(upload->mutex);
+    if (!upload->info.blob) commit(*upload);
+    return upload->info;
+  }
+
+ private:
+  static constexpr std::int64_t kSyncEvery = std::int64_t{16} << 20;  // bytes lost at most by a crash, against the cost of a sync
+
+  struct Upload {
+    std::mutex mutex;
+    UploadInfo info;
+    std::string expected;  // digest; empty: any
+    std::string path;
+    std::unique_ptr<File> file;
+    std::int64_t written = 0;
+    std::int64_t hashed = 0;
+    wire::Sha256 sha;
+  };
+
+  static std::string shown(const std::string& id) { return is_id(id) ? id : "with such a name"; }
+
+  std::string path_of(const BlobInfo& blob) const { return blobs_ + "/" + blob.id + "-" + hex(blob.sha256); }
+
+  std::shared_ptr<Upload> upload_of(const std::string& id) const {
+    const std::lock_guard lock(mutex_);
+    const auto found = known_uploads_.find(id);
+    return found == known_uploads_.end() ? nullptr : found->second;
+  }
+
+  std::shared_ptr<Upload> upload_or_refuse(const std::string& id) const {
+    auto upload = upload_of(id);
+    if (!upload) throw Refusal(Refused::NotFound, "UPLOAD_NOT_FOUND", "there is no upload " + shown(id)).at("upload_id");
+    return upload;
+  }
+
+  static void commit(Upload& upload) {
+    if (upload.info.committed == upload.written) return;
+    upload.file->sync();
+    upload.info.committed = upload.written;
+  }
+
+  void complete(Upload& upload) {
+    upload.file->sync();
+    const std::string digest = upload.hashed == upload.written ? upload.sha.finish() : digest_of(*upload.file, upload.written);
+    upload.hashed = 0;
+    if (!upload.expected.empty() && digest != upload.expected) {
+      upload.sha = wire::Sha256();
+      upload.file->truncate(0);
+      upload.written = upload.info.committed = 0;
+      throw Refusal(Refused::DataLoss, "DIGEST_MISMATCH", "the bytes that came have another SHA-256 than announced: send them again")
+          .at("sha256");
+    }
+    upload.info.blob = publish(upload.path, upload.info.size, digest, random_id());
+    upload.info.committed = upload.info.size;
+    upload.file.reset();
+  }
+
+  void remember_blob(const fs::directory_entry& entry) {
+    const std::string name = entry.path().filename();
+    const std::size_t dash = name.find('-');
+    if (dash == std::string::npos || name.size() != dash + 65 || !is_id(name.substr(0, dash))) return;
+    const BlobInfo blob{name.substr(0, dash), static_cast<std::int64_t>(entry.file_size()), unhex(name.substr(dash + 1))};
+    known_[blob.id] = blob;
+    by_digest_[{blob.sha256, blob.id}] = true;
+  }
+
+  void remember_upload(const fs::directory_entry& entry) {
+    const std::string name = entry.path().filename();
+    const std::size_t first = name.find('-');
+    const std::size_t second = name.find('-', first + 1);
+    if (first == std::string::npos || second == std::string::npos || !is_id(name.substr(0, first))) return;
+    auto upload = std::make_shared<Upload>();
+    upload->info.id = name.substr(0, first);
+    upload->info.size = std::strtoll(name.c_str() + first + 1, nullptr, 10);
+    upload->expected = unhex(name.substr(second + 1));
+    upload->path = entry.path();
+    upload->file = std::make_unique<File>(upload->path, O_RDWR);
+    upload->written = upload->info.committed = std::min(static_cast<std::int64_t>(entry.file_size()), upload->info.size);
+    upload->hashed = upload->written == 0 ? 0 : -1;
+    known_uploads_[upload->info.id] = upload;
+  }
+
+  const std::string blobs_, uploads_, temporary_;
+  mutable std::mutex mutex_;
+  std::map<std::string, BlobInfo> known_;
+  std::map<std::pair<std::string, std::string>, bool> by_digest_;  // (digest, id)
+  std::map<std::string, std::shared_ptr<Upload>> known_uploads_;
+
+  friend class FileWriter;
+};
+
+class FileWriter final : public BlobWriter {
+ public:
+  FileWriter(FileBlobStore& store, const std::string& folder)
+      : store_(store), id_(random_id()), path_(folder + "/" + id_), file_(path_, O_RDWR | O_CREAT | O_EXCL) {}
+  ~FileWriter() override {
+    if (!published_) ::unlink(path_.c_str());
+  }
+
+  void write(std::string_view bytes) override {
+    sha_.add(bytes);
+    if (buffer_.size() + bytes.size() <= kBuffer) {
+      buffer_ += bytes;
+      return;
+    }
+    flush();
+    if (bytes.size() >= kBuffer) {
+      file_.write(written_, bytes);
+      written_ += static_cast<std::int64_t>(bytes.size());
+    } else {
+      buffer_ = bytes;
+    }
+  }
+
+  BlobInfo publish() override {
+    flush();
+    file_.sync();
+    BlobInfo blob = store_.publish(path_, written_, sha_.finish(), id_);
+    published_ = true;
+    return blob;
+  }
+
+ private:
+  static constexpr std::size_t kBuffer = std::size_t{1} << 20;  // writers of text write in small pieces
+
+  void flush() {
+    file_.write(written_, buffer_);
+    written_ += static_cast<std::int64_t>(buffer_.size());
+    buffer_.clear();
+  }
+
+  FileBlobStore& store_;
+  std::string id_, path_;
+  File file_;
+  std::string buffer_;
+  wire::Sha256 sha_;
+  std::int64_t written_ = 0;
+  bool published_ = false;
+};
+
+std::unique_ptr<BlobWriter> FileBlobStore::create() { return std::make_unique<FileWriter>(*this, temporary_); }
+
+BlobInfo FileBlobStore::publish(const std::string& path, std::int64_t size, const std::string& sha256, const std::string& id) {
+  BlobInfo blob{id, size, sha256};
+  if (::rename(path.c_str(), path_of(blob).c_str()) != 0) device_failed("cannot publish a blob");
+  sync_folder(blobs_);
+  const std::lock_guard lock(mutex_);
+  known_[blob.id] = blob;
+  by_digest_[{blob.sha256, blob.id}] = true;
+  return blob;
+}
+
+}  // namespace
+
+std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob) {
+  std::vector<char> bytes(static_cast<std::size_t>(blob.size));
+  if (store.open(blob.id)->read(0, bytes) != bytes.size())
+    throw Refusal(Refused::DataLoss, "BLOB_TRUNCATED", "blob " + blob.id + " is shorter than when it was stored");
+  return bytes;
+}
+
+std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder) { return std::make_unique<FileBlobStore>(folder); }
+
+}  // namespace strata::server

@@ -1,0 +1,115 @@
+// stratad: wires the parts, starts, waits for the signal, drains.
+#include <malloc.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <iostream>
+#include <optional>
+
+#include "server/config.h"
+#include "server/job_log.h"
+#include "server/metrics.h"
+
+namespace {
+
+using namespace strata::server;
+
+// Messages of 1 MiB come and go: with stock thresholds each one costs fresh pages from the kernel (about a third of the throughput).
+void keep_memory_between_messages() {
+  mallopt(M_MMAP_THRESHOLD, 256 << 20);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
+  mallopt(M_TOP_PAD, 64 << 20);
+}
+
+// Blocked here and so in every thread started later; read in wait_for_signal.
+sigset_t block_signals() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  return set;
+}
+
+int wait_for_signal(const sigset_t& set) {
+  int signal = 0;
+  sigwait(&set, &signal);
+  return signal;
+}
+
+// The parent to follow; SIGTERM comes when it ends. Empty when it ended meanwhile.
+std::optional<pid_t> follow_parent() {
+  const pid_t parent = getppid();
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (getppid() != parent) return {};
+  return parent;
+}
+
+void tell_ready(int fd, const std::vector<std::string>& addresses) {
+  if (fd < 0) return;
+  std::string text;
+  for (const std::string& address : addresses) text += address + "\n";
+  if (write(fd, text.data(), text.size()) != static_cast<ssize_t>(text.size())) spdlog::warn("cannot write to --ready-fd");
+  close(fd);
+}
+
+// Waits for running jobs; a second signal ends the wait, and so does a parent that is no more: nobody will fetch the mesh.
+void drain(const Config& config, pid_t parent, Server& server, JobDesk& desk, const sigset_t& signals) {
+  server.set_not_serving();
+  desk.drain();
+  if (config.exit_with_parent && getppid() != parent) return;
+  const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(config.drain_timeout_seconds);
+  constexpr timespec kLook{0, 20'000'000};
+  while (!desk.wait_idle(std::chrono::milliseconds(0)) && std::chrono::steady_clock::now() < until)
+    if (sigtimedwait(&signals, nullptr, &kLook) > 0) return;
+}
+
+void serve(const Config& config, pid_t parent, const sigset_t& signals) {
+  const auto blobs = open_file_blob_store(config.data_folder);
+  const auto jobs = open_job_store(config.data_folder);
+  const MesherDoor mesher{&strata::generate, &strata::check_request, &strata::check};
+  const auto runner = make_thread_runner(config.slots, *blobs, mesher);
+  const auto logged = log_jobs(*runner);
+  Metrics metrics;
+  const auto measured = metrics.measure(*logged);
+  JobDesk desk(*jobs, *blobs, *measured, mesher, config.desk);
+  Server server(config.server, desk, *blobs, mesher);
+  if (!config.metrics_listen.empty()) metrics.serve(config.metrics_listen, desk);
+  for (const std::string& address : server.addresses())
+    spdlog::info(R"("msg":"listening","address":"{}","slots":{},"threads_per_job":{})", address, config.slots,
+                 config.desk.threads_per_job);
+  tell_ready(config.ready_fd, server.addresses());
+  const int signal = wait_for_signal(signals);
+  spdlog::info(R"("msg":"draining","signal":{})", signal);
+  drain(config, parent, server, desk, signals);
+  constexpr std::chrono::milliseconds kGrace{500};  // for answers under way
+  server.shutdown(kGrace);
+  metrics.stop();
+  spdlog::info(R"("msg":"stopped")");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  keep_memory_between_messages();
+  const ParsedConfig parsed = parse_config(argc, argv);
+  if (!parsed.config) return parsed.exit_code;
+  const Config& config = *parsed.config;
+  const sigset_t signals = block_signals();
+  const std::optional<pid_t> parent = config.exit_with_parent ? follow_parent() : getppid();
+  if (!parent) return 0;
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("stratad"));
+  spdlog::set_pattern(R"({"ts":"%Y-%m-%dT%H:%M:%S.%e%z","level":"%l",%v})");
+  spdlog::set_level(spdlog::level::from_str(config.log_level));
+  try {
+    serve(config, *parent, signals);
+    return 0;
+  } catch (const std::exception& error) {
+    std::cerr << "stratad: " << error.what() << "\n";
+    return 1;
+  }
+}

@@ -1,0 +1,28 @@
+// One job, from the stored surface to stored artifacts. Runs where a runner puts it: on a thread here, or in a worker process.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <string>
+
+#include "server/blob_store.h"
+#include "server/mesher_door.h"
+#include "strata/v1/job.pb.h"
+
+namespace strata::server {
+
+struct JobOrder {
+  std::string job_id;
+  v1::CreateJobRequest request;  // surface by blob_id, specification typed
+  int threads = 1;
+};
+
+// What happens on the way, without sequence: progress (at most 10 a second), stage_ended, quality, adjustment. Called from one thread.
+using EventSink = std::function<void(v1::WatchJobResponse)>;
+
+// Returns the fields of Job that the run decides: state (SUCCEEDED, FAILED or CANCELLED), error or artifacts, rung, patches, quality, stages,
+// adjustments, usage, counts. Does not throw. Nothing is stored unless it succeeds.
+v1::Job run_mesh_job(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, const std::atomic<bool>& cancel,
+                     const EventSink& sink);
+
+}  // namespace strata::server

@@ -1,0 +1,126 @@
+#include "server/metrics.h"
+
+#include <prometheus/counter.h>
+#include <prometheus/exposer.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <stdexcept>
+#include <utility>
+
+namespace strata::server {
+namespace {
+
+const prometheus::Histogram::BucketBoundaries kSeconds = {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000};
+
+// "STAGE_WRAP_RIDGES" -> "wrap_ridges".
+std::string short_name(std::string name, std::size_t prefix) {
+  name.erase(0, prefix);
+  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return name;
+}
+
+prometheus::MetricFamily gauge(const char* name, const char* help, double value) {
+  prometheus::MetricFamily family;
+  family.name = name;
+  family.help = help;
+  family.type = prometheus::MetricType::Gauge;
+  family.metric.resize(1);
+  family.metric[0].gauge.value = value;
+  return family;
+}
+
+double resident_bytes() {
+  std::ifstream statm("/proc/self/statm");
+  double size = 0, resident = 0;
+  statm >> size >> resident;
+  return resident * static_cast<double>(sysconf(_SC_PAGESIZE));
+}
+
+// Asks the desk when Prometheus asks.
+class LoadGauges final : public prometheus::Collectable {
+ public:
+  explicit LoadGauges(const JobDesk& desk) : desk_(desk) {}
+  std::vector<prometheus::MetricFamily> Collect() const override {
+    const JobDesk::Load load = desk_.load();
+    return {gauge("strata_jobs_running", "Jobs that run now", load.running),
+            gauge("strata_jobs_queued", "Jobs that wait", load.queued),
+            gauge("strata_jobs_stored", "Jobs remembered", static_cast<double>(load.total)),
+            gauge("strata_draining", "1 when no new jobs are taken", desk_.draining() ? 1 : 0),
+            gauge("strata_resident_memory_bytes", "Resident memory of the process", resident_bytes())};
+  }
+
+ private:
+  const JobDesk& desk_;
+};
+
+}  // namespace
+
+struct Metrics::Parts {
+  std::shared_ptr<prometheus::Registry> registry = std::make_shared<prometheus::Registry>();
+  prometheus::Family<prometheus::Counter>& finished =
+      prometheus::BuildCounter().Name("strata_jobs_finished_total").Help("Jobs that ended, by state and reason").Register(*registry);
+  prometheus::Family<prometheus::Histogram>& stage_seconds =
+      prometheus::BuildHistogram().Name("strata_stage_seconds").Help("Wall time of stages").Register(*registry);
+  prometheus::Histogram& job_seconds = prometheus::BuildHistogram()
+                                           .Name("strata_job_seconds")
+                                           .Help("Wall time of jobs from start to end")
+                                           .Register(*registry)
+                                           .Add({}, kSeconds);
+  prometheus::Counter& cells =
+      prometheus::BuildCounter().Name("strata_hexes_total").Help("Hexes delivered").Register(*registry).Add({});
+  prometheus::Counter& cpu =
+      prometheus::BuildCounter().Name("strata_job_cpu_seconds_total").Help("CPU time while jobs ran").Register(*registry).Add({});
+  std::shared_ptr<LoadGauges> load;
+  std::unique_ptr<prometheus::Exposer> exposer;
+
+  void count(const v1::Job& job) {
+    finished.Add({{"state", short_name(v1::JobState_Name(job.state()), 10)}, {"reason", job.error().reason()}}).Increment();
+    for (const v1::StageRecord& stage : job.stages())
+      stage_seconds.Add({{"stage", short_name(v1::Stage_Name(stage.stage()), 6)}}, kSeconds).Observe(stage.seconds());
+    job_seconds.Observe(job.usage().wall_seconds());
+    cells.Increment(static_cast<double>(job.hexes()));
+    cpu.Increment(std::max(0.0, job.usage().cpu_seconds()));
+  }
+
+  class MeasuredRunner final : public JobRunner {
+   public:
+    MeasuredRunner(JobRunner& runner, Parts& parts) : runner_(runner), parts_(parts) {}
+    int slots() const override { return runner_.slots(); }
+    void cancel(const std::string& job_id) override { runner_.cancel(job_id); }
+    void start(JobOrder order, EventSink on_event, Done on_done) override {
+      runner_.start(std::move(order), std::move(on_event), [this, on_done = std::move(on_done)](v1::Job job) {
+        parts_.count(job);
+        on_done(std::move(job));
+      });
+    }
+
+   private:
+    JobRunner& runner_;
+    Parts& parts_;
+  };
+};
+
+Metrics::Metrics() : parts_(std::make_unique<Parts>()) {}
+Metrics::~Metrics() = default;
+
+std::unique_ptr<JobRunner> Metrics::measure(JobRunner& runner) { return std::make_unique<Parts::MeasuredRunner>(runner, *parts_); }
+
+void Metrics::serve(const std::string& address, const JobDesk& desk) {
+  try {
+    parts_->load = std::make_shared<LoadGauges>(desk);
+    parts_->exposer = std::make_unique<prometheus::Exposer>(address, 1);
+  } catch (const std::exception& error) {
+    throw std::runtime_error("cannot serve metrics on " + address + ": " + error.what());
+  }
+  parts_->exposer->RegisterCollectable(parts_->registry);
+  parts_->exposer->RegisterCollectable(parts_->load);
+}
+
+void Metrics::stop() { parts_->exposer.reset(); }
+
+}  // namespace strata::server

@@ -1,0 +1,28 @@
+// Prometheus: what the server did and does.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "server/job_desk.h"
+#include "server/job_runner.h"
+
+namespace strata::server {
+
+class Metrics {
+ public:
+  Metrics();
+  ~Metrics();
+
+  // Counts what passes through the runner. The result must not outlive `runner` or this.
+  std::unique_ptr<JobRunner> measure(JobRunner& runner);
+  // Serves /metrics on host:port; the load is that of `desk`, which must live until stop(). Throws std::runtime_error.
+  void serve(const std::string& address, const JobDesk& desk);
+  void stop();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace strata::server

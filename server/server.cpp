@@ -1,0 +1,112 @@
+#include "server/server.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/security/tls_certificate_provider.h>
+#include <grpcpp/security/tls_credentials_options.h>
+
+#include <fstream>
+#include <stdexcept>
+
+namespace strata::server {
+namespace {
+
+constexpr int kMaxMetadataBytes = 16 << 10;
+constexpr int kMaxStreams = 256;               // per connection
+constexpr unsigned kCertificateRefresh = 60;   // seconds between looks at the files
+constexpr const char* kServices[] = {"", "strata.v1.JobService", "strata.v1.BlobService", "strata.v1.SystemService"};
+
+void must_be_readable(const std::string& path, const std::string& flag) {
+  if (!std::ifstream(path)) throw std::runtime_error("cannot read " + path + " (" + flag + ")");
+}
+
+std::shared_ptr<grpc::ServerCredentials> tls_credentials(const TlsFiles& files) {
+  if (files.certificate.empty() || files.key.empty())
+    throw std::runtime_error("TLS needs both --tls-cert and --tls-key");
+  must_be_readable(files.certificate, "--tls-cert");
+  must_be_readable(files.key, "--tls-key");
+  if (!files.client_ca.empty()) must_be_readable(files.client_ca, "--tls-client-ca");
+  using grpc::experimental::FileWatcherCertificateProvider;
+  const auto provider =
+      files.client_ca.empty()
+          ? std::make_shared<FileWatcherCertificateProvider>(files.key, files.certificate, kCertificateRefresh)
+          : std::make_shared<FileWatcherCertificateProvider>(files.key, files.certificate, files.client_ca, kCertificateRefresh);
+  grpc::experimental::TlsServerCredentialsOptions options(provider);
+  options.watch_identity_key_cert_pairs();
+  if (!files.client_ca.empty()) {
+    options.watch_root_certs();
+    options.set_cert_request_type(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  }
+  return grpc::experimental::TlsServerCredentials(options);
+}
+
+bool is_unix(const std::string& address) { return address.rfind("unix:", 0) == 0; }
+
+void set_limits(grpc::ServerBuilder& builder, const WireLimits& limits) {
+  builder.SetMaxReceiveMessageSize(static_cast<int>(limits.max_message_bytes));
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two servers on one port would share jobs by accident
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20'000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10'000);
+}
+
+}  // namespace
+
+struct Server::Parts {
+  std::unique_ptr<grpc::Service> jobs, blobs, system;
+  std::vector<std::string> addresses;
+  std::unique_ptr<grpc::Server> server;  // goes first
+};
+
+bool is_local(const std::string& address) {
+  if (is_unix(address)) return true;
+  const std::string host = address.substr(0, address.rfind(':'));
+  return host == "localhost" || host == "[::1]" || host.rfind("127.", 0) == 0;
+}
+
+Server::Server(const ServerOptions& options, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher)
+    : parts_(std::make_unique<Parts>()) {
+  const bool tls = !options.tls.certificate.empty() || !options.tls.key.empty();
+  parts_->jobs = make_job_service(desk, blobs, mesher, options.limits);
+  parts_->blobs = make_blob_service(blobs, options.limits);
+  parts_->system = make_system_service(desk, options.limits);
+
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::ServerBuilder builder;
+  set_limits(builder, options.limits);
+  for (const auto& service : {parts_->jobs.get(), parts_->blobs.get(), parts_->system.get()}) builder.RegisterService(service);
+  std::vector<int> ports(options.listen.size(), 0);
+  for (std::size_t i = 0; i < options.listen.size(); ++i) {
+    const std::string& address = options.listen[i];
+    if (!tls && !options.insecure && !is_local(address))
+      throw std::runtime_error(address + " is reachable from other machines: give --tls-cert and --tls-key, or say --insecure");
+    const bool encrypt = tls && !is_unix(address);
+    builder.AddListeningPort(address, encrypt ? tls_credentials(options.tls) : grpc::InsecureServerCredentials(), &ports[i]);
+  }
+  parts_->server = builder.BuildAndStart();
+  for (std::size_t i = 0; i < options.listen.size(); ++i) {
+    const std::string& address = options.listen[i];
+    if (!parts_->server || ports[i] == 0) throw std::runtime_error("cannot listen on " + address);
+    parts_->addresses.push_back(is_unix(address) ? address : address.substr(0, address.rfind(':') + 1) + std::to_string(ports[i]));
+  }
+  for (const char* service : kServices) parts_->server->GetHealthCheckService()->SetServingStatus(service, true);
+}
+
+Server::~Server() { shutdown(std::chrono::milliseconds(0)); }
+
+const std::vector<std::string>& Server::addresses() const { return parts_->addresses; }
+
+void Server::set_not_serving() { parts_->server->GetHealthCheckService()->SetServingStatus(false); }
+
+void Server::shutdown(std::chrono::milliseconds grace) {
+  if (!parts_->server) return;
+  parts_->server->Shutdown(std::chrono::system_clock::now() + grace);
+  parts_->server->Wait();
+  parts_->server.reset();
+}
+
+}  // namespace strata::server

@@ -1,0 +1,47 @@
+// The gRPC server around the parts: addresses, credentials, limits, services.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/services.h"
+
+namespace strata::server {
+
+struct TlsFiles {
+  std::string certificate;  // PEM chain
+  std::string key;
+  std::string client_ca;    // when given, clients must show a certificate of it
+};
+
+struct ServerOptions {
+  std::vector<std::string> listen = {"127.0.0.1:50051"};  // host:port (port 0: any) or unix:/path
+  TlsFiles tls;
+  bool insecure = false;    // allow TCP beyond loopback without TLS
+  WireLimits limits;
+};
+
+// Throws std::runtime_error with a sentence for the operator.
+class Server {
+ public:
+  Server(const ServerOptions& options, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher);
+  ~Server();
+
+  // The addresses clients can use; ports filled in.
+  [[nodiscard]] const std::vector<std::string>& addresses() const;
+  // Health says NOT_SERVING from now on; calls still work.
+  void set_not_serving();
+  // Ends what is open after `grace`.
+  void shutdown(std::chrono::milliseconds grace);
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+// Is this address reachable from this machine only?
+bool is_local(const std::string& address);
+
+}  // namespace strata::server

@@ -1,0 +1,27 @@
+// The gRPC services, each thin: decode, ask the desk or the store, encode.
+#pragma once
+
+#include <grpcpp/impl/codegen/service_type.h>
+
+#include <chrono>
+#include <memory>
+
+#include "server/blob_store.h"
+#include "server/job_desk.h"
+#include "server/mesher_door.h"
+
+namespace strata::server {
+
+// Sizes of messages and blobs that the services accept.
+struct WireLimits {
+  std::int64_t max_message_bytes = (std::int64_t{4} << 20) + (std::int64_t{64} << 10);
+  std::int64_t max_frame_bytes = std::int64_t{4} << 20;
+  std::int64_t max_upload_bytes = std::int64_t{4} << 30;
+};
+
+// The references must outlive the services.
+std::unique_ptr<grpc::Service> make_blob_service(BlobStore& blobs, const WireLimits& limits);
+std::unique_ptr<grpc::Service> make_job_service(JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher, const WireLimits& limits);
+std::unique_ptr<grpc::Service> make_system_service(const JobDesk& desk, const WireLimits& limits);
+
+}  // namespace strata::server
