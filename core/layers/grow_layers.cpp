@@ -22,8 +22,8 @@
 namespace strata {
 namespace {
 
-constexpr int kGrowRounds = 10;
-constexpr int kSettleRounds = 12;
+constexpr int kGrowRounds = 8;
+constexpr int kSettleRounds = 6;
 constexpr int kMostWidenings = 8;
 constexpr int kMostAttempts = 8;
 constexpr double kThick = 0.3;         // of the local size
@@ -203,6 +203,8 @@ void Grower::measure_feet(Sheet& sheet) {
   }
   for (ColumnLaw& law : sheet.laws) law.blending = sheet.blending;
   g.thickness = thickness_at(mesh, wall, g.columns, g.feet, sheet.laws, request.locator);
+  g.needed.resize(g.thickness.size());
+  for (std::size_t c = 0; c < g.needed.size(); ++c) g.needed[c] = std::min(least_thickness(sheet.laws[c]), g.thickness[c]);
 }
 
 void Grower::collapse_wedges() {
@@ -268,7 +270,7 @@ std::vector<GrowingSheet> Grower::growing_sheets() const {
 }
 
 void Grower::grow(const std::vector<std::uint8_t>& active, int rounds) {
-  mesh = inflate(std::move(mesh), growing_sheets(), active, request.ground, rounds, context).mesh;
+  mesh = inflate(std::move(mesh), growing_sheets(), active, request.ground, rounds, context);
 }
 
 std::vector<Stack> Grower::cut_levels(IdMap<VertexId, double>& fraction) const {

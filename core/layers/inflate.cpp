@@ -16,14 +16,18 @@ namespace {
 
 constexpr double kOpening = 0.04;        // of the local size: thin enough never to fold the hexes above a sound surface quad
 constexpr double kLeastQuality = 0.12;   // scaled Jacobian that a step may not go below
+constexpr double kGoodQuality = 0.4;     // nor below this for the sake of blending layers
 constexpr double kStep = 0.45;           // of the local size: what the hexes above can give at once
 constexpr double kArrived = 0.02;        // of the thickness
 constexpr double kMostLean = 4;          // column length over height that is believed
+constexpr double kProgress = 0.04;       // of the thickness: less in one round is not worth another
+constexpr double kStragglers = 0.005;    // of all tops: so few are not worth another round
+constexpr double kProjectQuality = 0.15; // that drawing a held vertex to its ground may not cost
 constexpr int kHalvings = 4;
 constexpr int kFreeRounds = 3;           // of optimising with tops and bottoms free, before tops are placed
 enum class Placing { Free, Exact };      // of the ends of active columns
 constexpr int kRings = 6;                // of vertices round the sheet that give way
-constexpr int kSweeps = 4;               // of the optimiser between steps
+constexpr int kSweeps = 3;               // of the optimiser between steps
 
 std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
   std::array<Vec3, 8> c;
@@ -46,6 +50,7 @@ struct Goal {
   Vec3 offset = Vec3::Zero();       // from the bottom, when there is one only
   double step = 0;                  // longest move at once
   double thickness = 0;
+  double needed = 0;                // distance from the bottom that is worth a poorer hex
   bool active = false;
 };
 
@@ -73,6 +78,7 @@ std::vector<Goal> goals_of(const HexMesh& mesh, const std::vector<GrowingSheet>&
       goal.offset = foot.direction * (foot.stretch * sheets[s].thickness[c]);
       const double step = kStep * foot.size;
       goal.step = goal.step > 0 ? std::min(goal.step, step) : step;
+      goal.needed = sheets[s].needed[c] * foot.stretch;
       goal.thickness = std::max(goal.thickness, sheets[s].thickness[c]);
       goal.active = goal.active || active[s] != 0;
     }
@@ -97,7 +103,7 @@ Vec3 target_of(const HexMesh& mesh, const Goal& goal, const Ground& ground) {
   return ground.project(mesh.attachment[goal.top], p).position;
 }
 
-// One round of steps, in order of the goals. Returns how many tops are still on their way.
+// One round of steps, in order of the goals. Returns how many tops got on and are still on their way.
 std::int64_t step_tops(HexMesh& mesh, const std::vector<Goal>& goals, const VertexStars<HexId>& stars, const Ground& ground) {
   std::int64_t under_way = 0;
   for (const Goal& goal : goals) {
@@ -107,14 +113,17 @@ std::int64_t step_tops(HexMesh& mesh, const std::vector<Goal>& goals, const Vert
     if (distance <= 0) continue;
     if (distance > goal.step) move *= goal.step / distance;
     const double before = worst_round(mesh, stars, goal.top);
+    const bool enough = !goal.common.valid() && (from - mesh.position[goal.bottom[0]]).norm() >= goal.needed;
+    const double floor = enough ? kGoodQuality : kLeastQuality;
     bool moved = false;
     for (int k = 0; k < kHalvings && !moved; ++k, move *= 0.5) {
       mesh.position[goal.top] = ground.project(mesh.attachment[goal.top], from + move).position;
       const double after = worst_round(mesh, stars, goal.top);
-      moved = after > 0 ? after >= std::min(kLeastQuality, before) : after > before;
+      moved = after > 0 ? after >= std::min(floor, before) : after > before;
     }
     if (!moved) mesh.position[goal.top] = from;
-    under_way += (target_of(mesh, goal, ground) - mesh.position[goal.top]).norm() > kArrived * goal.thickness;
+    const double left = (target_of(mesh, goal, ground) - mesh.position[goal.top]).norm();
+    under_way += left > kArrived * goal.thickness && distance - left > kProgress * goal.thickness;
   }
   return under_way;
 }
@@ -188,11 +197,12 @@ HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::
   OptimiseOptions options;
   options.sweeps = kFreeRounds * kSweeps;
   options.rings = kRings;
+  options.min_scaled_jacobian = kProjectQuality;
   return optimise(std::move(mesh), request, options, context).mesh;
 }
 
-InflateResult inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
-                      const Ground& ground, int rounds, Context& context) {
+HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
+                const Ground& ground, int rounds, Context& context) {
   const std::vector<Goal> goals = goals_of(mesh, sheets, active);
   const VertexStars<HexId> stars = hexes_round_vertices(mesh);
   const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets, stars);
@@ -206,15 +216,14 @@ InflateResult inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, con
   OptimiseOptions options;
   options.sweeps = kSweeps;
   options.rings = kRings;
-  InflateResult result;
+  options.min_scaled_jacobian = kProjectQuality;
   for (int round = 0; round < rounds; ++round) {
     context.checkpoint();
-    result.short_columns = step_tops(mesh, goals, stars, ground);
+    const std::int64_t under_way = step_tops(mesh, goals, stars, ground);
     mesh = optimise(std::move(mesh), request, options, context).mesh;
-    if (result.short_columns == 0) break;
+    if (static_cast<double>(under_way) <= kStragglers * static_cast<double>(goals.size())) break;
   }
-  result.mesh = std::move(mesh);
-  return result;
+  return mesh;
 }
 
 double height_of(const HexMesh& mesh, const GrowingSheet& sheet, std::size_t column) {

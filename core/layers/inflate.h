@@ -17,6 +17,7 @@ struct GrowingSheet {
   Columns columns;
   std::vector<Foot> feet;          // of the columns
   std::vector<double> thickness;   // wanted, normal to the wall
+  std::vector<double> needed;      // of it for the physical layers: what is beyond may not cost quality
 };
 
 // Lifts the tops of the given sheet off their bottoms by a small part of the local size, all at once: hexes of no thickness become thin.
@@ -27,14 +28,10 @@ HexMesh open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground
 HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
               Context& context);
 
-struct InflateResult {
-  HexMesh mesh;
-  std::int64_t short_columns = 0;   // that did not get their thickness
-};
 // Moves the tops of the active sheets to their thickness, in steps that keep every hex positive, and lets the rest of the mesh give way
 // between: walls of other sheets slide on their charts, inner sheets keep their shape. Bottoms of active sheets do not move.
-InflateResult inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
-                      const Ground& ground, int rounds, Context& context);
+HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
+                const Ground& ground, int rounds, Context& context);
 
 // Height of a column normal to the wall, as it is.
 double height_of(const HexMesh& mesh, const GrowingSheet& sheet, std::size_t column);

@@ -47,10 +47,14 @@ double wished_thickness(const ColumnLaw& law, double size) {
   return physical + geometric_sum(last * q, q, law.blending);
 }
 
+double least_thickness(const ColumnLaw& law) {
+  return physical_thickness(law) + geometric_sum(last_height(law) * kLeastBlendingRatio, kLeastBlendingRatio, law.blending);
+}
+
 double column_fractions(const ColumnLaw& law, double thickness, std::span<double> levels) {
-  const double wished = physical_thickness(law), last = last_height(law);
+  const double wished = physical_thickness(law);
   double h = law.first_height, growth = law.growth;
-  const double reserve = law.blending > 0 ? geometric_sum(last * kLeastBlendingRatio, kLeastBlendingRatio, law.blending) : 0;
+  const double reserve = least_thickness(law) - wished;
   const bool near = law.blending == 0 && std::abs(thickness - wished) <= kExactEnough * wished;
   if (thickness < wished + reserve || near) {
     if (law.give_up_growth_first && !near && growth > 1) {

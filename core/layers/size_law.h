@@ -24,6 +24,9 @@ int blending_layers(const ColumnLaw& law, double size);
 // Thickness the column would like: the physical layers and blending up to half of `size`.
 double wished_thickness(const ColumnLaw& law, double size);
 
+// Thickness under which the physical layers would have to shrink: they and the thinnest blending that is of use.
+double least_thickness(const ColumnLaw& law);
+
 // Where the levels 1 .. count+blending lie as fractions of a column of the given thickness; the last is 1. Physical heights are kept
 // exactly while there is room for them, blending layers take the rest; else all shrink by one factor (or the growth first).
 // Returns the thickness of the physical layers over what was wished.
