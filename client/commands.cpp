@@ -300,7 +300,6 @@ void get(const GlobalOptions& global, const JobOptions& options) {
 }
 
 void list(const GlobalOptions& global, const JobOptions& options) {
-  Connection connection = connect(global, PrivateServerAllowed::No);
   v1::ListJobsRequest request;
   for (const std::string& state : options.states) {
     std::string name = "JOB_STATE_" + state;
@@ -309,6 +308,7 @@ void list(const GlobalOptions& global, const JobOptions& options) {
     if (!v1::JobState_Parse(name, &value)) throw CommandError(ExitCode::Usage, "there is no state '" + state + "'", "queued, running, succeeded, failed or cancelled");
     request.add_states(value);
   }
+  Connection connection = connect(global, PrivateServerAllowed::No);
   std::vector<v1::Job> jobs;
   const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->ListJobs(context, r, response); };
   do {

@@ -53,12 +53,23 @@ void print_error(const CommandError& error, const GlobalOptions& global) {
   if (!error.hint().empty()) std::cerr << "  " << error.hint() << '\n';
 }
 
+// Of a command line that makes no sense. CLI11 knows what is missing, but not that a word was meant as a command.
+int complain(const CLI::App& app, const CLI::ParseError& error) {
+  std::cerr << "strata: ";
+  const std::vector<std::string> left = app.remaining();
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError) && app.get_subcommands().empty() && !left.empty())
+    std::cerr << "there is no command '" << printable(left.front()) << "'\n";
+  else
+    std::cerr << printable(error.what()) << '\n';
+  std::cerr << "  strata --help lists the commands, strata COMMAND --help their options\n";
+  return static_cast<int>(ExitCode::Usage);
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"All-hexahedral meshes with boundary layers.\nstrata mesh SURFACE --spec SPEC.json -o OUT.vtu does the whole job."};
   app.name("strata");
   app.require_subcommand(1);
   app.fallthrough();
-  app.failure_message(CLI::FailureMessage::simple);
   GlobalOptions global;
   MeshOptions meshing;
   JobOptions jobs;
@@ -104,10 +115,12 @@ int run(int argc, char** argv) {
   CLI::App* completion_command = app.add_subcommand("completion", "Shell completion: source <(strata completion bash)");
   completion_command->add_option("SHELL", shell, "bash, zsh or fish")->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
 
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) command->footer("strata --help lists the options of every command: --server, --output-format ...");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::Usage);
+    return error.get_exit_code() == 0 ? app.exit(error) : complain(app, error);
   }
   global.output = kOutputs.at(output);
   jobs.any_end = wait_for == "ended";

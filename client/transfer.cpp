@@ -193,7 +193,7 @@ class Download {
     std::ofstream note(note_of(path_));
     note << blob_.blob_id() << '\n';
     note.close();
-    out_.open(part, continued_ ? std::ios::binary | std::ios::in | std::ios::out : std::ios::binary | std::ios::trunc);
+    out_.open(part, continued_ ? std::ios::binary | std::ios::in | std::ios::out : std::ios::binary | std::ios::out | std::ios::trunc);
     if (!out_ || !note) local_failure("cannot write", part);
     out_.seekp(offset_);
   }
