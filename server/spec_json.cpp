@@ -54,9 +54,8 @@ struct At {
   std::string path;
 
   [[nodiscard]] At item(std::size_t i) const { return {value[i], path + "[" + std::to_string(i) + "]"}; }
-  [[nodiscard]] At member(const std::string& key) const {
-    return {value[key], path.empty() ? key : path + "." + key};
-  }
+  [[nodiscard]] std::string path_of(const std::string& key) const { return path.empty() ? key : path + "." + key; }
+  [[nodiscard]] At member(const std::string& key) const { return {value[key], path_of(key)}; }
 };
 
 double number(const At& at) {
@@ -139,7 +138,7 @@ void object(const At& at, const Keys& keys, const std::vector<std::string_view>&
     refuse(member.path, "unknown key" + (meant.empty() ? "; known here: " + list_of(known) : "; did you mean \"" + meant + "\"?"));
   }
   for (const std::string_view key : required)
-    if (!at.value.contains(std::string(key))) refuse(at.member(std::string(key)).path, "is required");
+    if (!at.value.contains(std::string(key))) refuse(at.path_of(std::string(key)), "is required");
 }
 
 const Words<v1::VolumeSpec::Mode> kModes = {{"points", v1::VolumeSpec::MODE_POINTS},
@@ -279,7 +278,8 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string_vi
   std::string_view best;
   std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
   for (const std::string_view candidate : known) {
-    const std::size_t distance = edit_distance(word, candidate);
+    const bool cut_short = word.size() >= 3 && candidate.substr(0, word.size()) == word;  // "ridge_angle" for "ridge_angle_deg"
+    const std::size_t distance = cut_short ? 1 : edit_distance(word, candidate);
     if (distance < best_distance && distance < candidate.size()) {
       best_distance = distance;
       best = candidate;

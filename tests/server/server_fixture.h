@@ -1,0 +1,72 @@
+// A whole server in process over a Unix socket, with a mesher the tests can hold back.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "server/server.h"
+#include "strata/v1/blob.grpc.pb.h"
+#include "strata/v1/job.grpc.pb.h"
+#include "strata/v1/system.grpc.pb.h"
+
+namespace strata::server {
+
+// A door behind which a unit cube is "meshed" to one hex; with `hold`, only after release(), looking at the context all the while.
+class FakeMesher {
+ public:
+  [[nodiscard]] MesherDoor door();
+  void hold() { held_ = true; }
+  void release() { held_ = false; }
+  int hexes = 1;  // in the mesh it makes
+  std::function<void()> on_generate = [] {};
+
+ private:
+  Outcome generate(const TriangleSoup& soup, Context& context);
+  std::atomic<bool> held_ = false;
+};
+
+struct TestOptions {
+  int slots = 1;
+  DeskOptions desk;
+  WireLimits limits;
+};
+
+class ServerFixture : public testing::Test {
+ protected:
+  void start(TestOptions options = {});
+  void TearDown() override;
+
+  // A job on the tetrahedron, inline.
+  static v1::CreateJobRequest tetrahedron_job();
+  v1::Job create(const v1::CreateJobRequest& request);
+  v1::Job get(const std::string& job_id);
+  v1::Job wait_final(const std::string& job_id);
+  std::string upload(const std::string& bytes, std::size_t frame = 1 << 20);
+  grpc::Status read(const std::string& blob_id, std::int64_t offset, std::string& bytes);
+
+  FakeMesher mesher_;
+  std::string folder_;
+  std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<JobStore> jobs_;
+  std::unique_ptr<JobRunner> runner_;
+  std::unique_ptr<JobDesk> desk_;
+  std::unique_ptr<Server> server_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::JobService::Stub> job_stub_;
+  std::unique_ptr<v1::BlobService::Stub> blob_stub_;
+  std::unique_ptr<v1::SystemService::Stub> system_stub_;
+};
+
+v1::Frame frame_of(std::int64_t offset, const std::string& data);
+// ErrorInfo.reason of a status; the details' bytes must be within bounds.
+std::string reason_of(const grpc::Status& status);
+std::string field_of(const grpc::Status& status);
+double retry_of(const grpc::Status& status);
+
+}  // namespace strata::server
