@@ -23,6 +23,7 @@
 namespace strata {
 namespace {
 
+constexpr double kRelaxedShare = 0.25;      // of the local edge: boundary vertices farther off the surface make the rung fit_relaxed
 constexpr double kDefaultCellsAcross = 16;  // default bound for cells: longest side of the bounding box over this
 
 // Figures of the estimate, measured on the benchmark cases (docs/performance.md).
@@ -87,43 +88,49 @@ void refuse_what_check_finds(const MeshSpec& spec, const Surface& surface) {
     if (finding.severity == Severity::Error) refuse(std::move(finding));
 }
 
-struct Shape {  // a mesh on its way through the fit, and whether every hex is valid
-  HexMesh mesh;
-  std::int64_t inverted = 0;
-};
+void fall_to(Rung& rung, Rung at_least) { rung = std::max(rung, at_least); }
 
-std::int64_t count_inverted(const HexMesh& mesh) {
-  std::int64_t inverted = 0;
-  for (const HexVertices& hex : mesh.hexes) {
-    std::array<Vec3, 8> corners;
-    for (std::size_t i = 0; i < 8; ++i) corners[i] = mesh.position[hex[i]];
-    if (!(corner_scaled_jacobian(corners) > 0)) ++inverted;
-  }
-  return inverted;
+// Reports vertices that stay off their geometry; far ones cost a rung.
+void report_relaxed(const FitResult& fit, Rung& rung, Context& context) {
+  if (fit.relaxed == 0) return;
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::SurfaceFitRelaxed;
+  diagnostic.severity = Severity::Warning;
+  diagnostic.count = fit.relaxed;
+  diagnostic.values = {{"vertices", static_cast<double>(fit.relaxed)}, {"farthest_over_edge", fit.worst_off}};
+  diagnostic.message = std::to_string(fit.relaxed) + " boundary vertices stay off the surface or its features (by " +
+                       std::to_string(fit.worst_off) + " of the local edge at most), because hexes would invert; refine there";
+  context.adjusted(std::move(diagnostic));
+  if (fit.worst_off > kRelaxedShare) fall_to(rung, Rung::FitRelaxed);
 }
 
-void softened(Rung& rung, Rung at_least) { rung = std::max(rung, at_least); }
+[[noreturn]] void give_up(const HexMesh& mesh, std::int64_t bad) {
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::InvariantViolated;
+  diagnostic.message = std::to_string(bad) + " of " + std::to_string(mesh.hexes.size()) + " hexes could not be made valid";
+  throw MeshError(Failure::Internal, std::move(diagnostic));
+}
 
-// Features: with ridge layers first; where these cannot be made valid, without; where the features themselves cannot, without features.
+// The degradation ladder of the fit. Features first with ridge layers; where hexes stay bad, features are let go near them, then the surface;
+// when even that fails, once more without ridge layers and features.
 HexMesh fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& context) {
-  FitResult matched = match_features(std::move(smooth), ground, context);
-  if (matched.softened > 0) softened(rung, Rung::FeaturesSoftened);
-
+  FitResult matched = match_features(smooth, ground, context);
+  if (matched.softened > 0) fall_to(rung, Rung::FeaturesSoftened);
   context.begin(Stage::WrapRidges);
-  HexMesh ridged = wrap_ridges(matched.mesh, ground.features(), context);
+  HexMesh mesh = wrap_ridges(std::move(matched.mesh), ground.features(), context);
   context.begin(Stage::FitToFeatures);
-  FitResult fitted = fit_to_features(std::move(ridged), ground, context);
-  if (count_inverted(fitted.mesh) > 0) fitted = fit_to_features(std::move(matched.mesh), ground, context);
-  if (fitted.relaxed > 0) {
-    Diagnostic diagnostic;
-    diagnostic.reason = Reason::SurfaceFitRelaxed;
-    diagnostic.severity = Severity::Warning;
-    diagnostic.count = fitted.relaxed;
-    diagnostic.values = {{"vertices", static_cast<double>(fitted.relaxed)}};
-    diagnostic.message = std::to_string(fitted.relaxed) +
-                         " boundary vertices stay off the surface or its features, because hexes would invert; refine there";
-    context.adjusted(std::move(diagnostic));
+  FitResult fitted = make_valid(fit_to_features(std::move(mesh), ground, context).mesh, ground, context);
+  if (fitted.bad > 0) {
+    fall_to(rung, Rung::FeaturesSoftened);
+    // Labels come from the match; ridge vertices slide on the surface.
+    mesh = match_features(std::move(smooth), ground, context).mesh;
+    for (Attachment& attachment : mesh.attachment)
+      if (attachment.hold == Hold::Curve || attachment.hold == Hold::Corner) attachment = {Hold::Chart, kWholeSurface};
+    fitted = make_valid(fit_to_features(std::move(mesh), ground, context).mesh, ground, context);
   }
+  if (fitted.softened > 0) fall_to(rung, Rung::FeaturesSoftened);
+  if (fitted.bad > 0) give_up(fitted.mesh, fitted.bad);
+  report_relaxed(fitted, rung, context);
   return std::move(fitted.mesh);
 }
 
@@ -209,7 +216,7 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context) {
     context.begin(Stage::GrowLayers);
     GrowResult grown = grow_layers(std::move(mesh), spec.layers, ground, context);
     mesh = std::move(grown.mesh);
-    softened(outcome.rung, rung_of(grown.rung));
+    fall_to(outcome.rung, rung_of(grown.rung));
     to_input_frame(mesh, surface.frame);
     context.begin(Stage::MeasureQuality);
     outcome.quality = measure_quality(mesh, surface.patch_names, context);

@@ -1,6 +1,8 @@
 // From a wrapped staircase to the surface: first as if it were smooth, then with its features.
 #pragma once
 
+#include <vector>
+
 #include "core/mesh/hex_mesh.h"
 #include "core/optimise/ground.h"
 
@@ -10,9 +12,15 @@ class Context;
 
 struct FitResult {
   HexMesh mesh;
-  std::int64_t relaxed = 0;       // boundary vertices left off the surface to stay valid
+  std::int64_t relaxed = 0;       // held vertices left off their geometry to stay valid
+  double worst_off = 0;           // the farthest of them, over the local edge length
   std::int64_t softened = 0;      // curves that no edge path represents
+  std::int64_t bad = 0;           // hexes whose scaled Jacobian, corners and centre, is not above kLeastJacobian
 };
+
+// A hex counts as valid above this scaled Jacobian (Verdict's, corners and centre): far enough from zero that writing and reading a mesh
+// cannot turn it.
+inline constexpr double kLeastJacobian = 1e-4;
 
 // Boundary vertices go to the closest point of the surface, features ignored, interior vertices follow. All hexes valid after, or
 // as many as could be (the caller checks).
@@ -23,5 +31,12 @@ FitResult match_features(HexMesh mesh, const Ground& ground, Context& context);
 
 // Moves held vertices onto their corners, curves and charts; interior follows; worst-first polish.
 FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context);
+
+// Frees hexes that are still bad, giving up as little as possible and only near them: first features (vertices slide on the surface), then
+// the surface (vertices leave it, and are led back as far as hexes stay valid). `bad` of the result is 0 unless all that failed.
+FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context);
+
+// Hexes that are not valid, ascending.
+std::vector<HexId> bad_hexes(const HexMesh& mesh);
 
 }  // namespace strata

@@ -1,0 +1,125 @@
+#include <string>
+
+#include "core/base/context.h"
+#include "core/base/parallel.h"
+#include "core/fit/fit.h"
+#include "core/mesh/adjacency.h"
+#include "core/optimise/optimise.h"
+#include "core/quality/quality.h"
+
+namespace strata {
+namespace {
+
+constexpr int kRounds = 5;          // each gives up more, on a wider ring
+constexpr int kFreeingRound = 2;    // from this round on vertices may leave the surface
+constexpr int kSweeps = 20;
+constexpr double kCalmJacobian = 0.05;
+
+// 1 for every vertex within `rings` hexes of a bad hex.
+IdMap<VertexId, std::uint8_t> neighbourhood(const HexMesh& mesh, const std::vector<HexId>& bad, int rings) {
+  IdMap<VertexId, std::uint8_t> inside(mesh.position.size(), 0);
+  for (HexId h : bad)
+    for (VertexId v : mesh.hexes[h]) inside[v] = 1;
+  for (int ring = 0; ring < rings; ++ring) {
+    IdMap<VertexId, std::uint8_t> wider = inside;
+    for (const HexVertices& hex : mesh.hexes) {
+      bool touched = false;
+      for (VertexId v : hex) touched = touched || inside[v] != 0;
+      if (touched)
+        for (VertexId v : hex) wider[v] = 1;
+    }
+    inside = std::move(wider);
+  }
+  return inside;
+}
+
+Box box_of(const HexMesh& mesh, const std::vector<HexId>& hexes, const Frame& frame) {
+  Box box;
+  for (HexId h : hexes)
+    for (VertexId v : mesh.hexes[h]) box.add(frame.to_input(mesh.position[v]));
+  return box;
+}
+
+struct Loosened {
+  std::int64_t features = 0;   // vertices that left their curve or corner
+  std::vector<VertexId> freed; // vertices that may leave the surface
+};
+
+Loosened loosen(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, bool off_surface) {
+  Loosened result;
+  for (VertexId v : near.ids()) {
+    Attachment& attachment = mesh.attachment[v];
+    if (near[v] == 0 || attachment.hold == Hold::Free) continue;
+    if (attachment.hold == Hold::Curve || attachment.hold == Hold::Corner) ++result.features;
+    attachment = {Hold::Chart, kWholeSurface};
+    if (!off_surface) continue;
+    attachment = {Hold::Free, -1};
+    result.freed.push_back(v);
+  }
+  return result;
+}
+
+}  // namespace
+
+std::vector<HexId> bad_hexes(const HexMesh& mesh) {
+  std::vector<std::uint8_t> bad(mesh.hexes.size(), 0);
+  parallel_for(mesh.hexes.size(), [&](std::size_t i) {
+    std::array<Vec3, 8> corners;
+    for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
+    bad[i] = scaled_jacobian(corners) > kLeastJacobian ? 0 : 1;
+  });
+  std::vector<HexId> result;
+  for (std::size_t i = 0; i < bad.size(); ++i)
+    if (bad[i]) result.push_back(HexId(i));
+  return result;
+}
+
+FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
+  FitResult result;
+  std::vector<HexId> bad = bad_hexes(mesh);
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::FeatureSoftened;
+  diagnostic.severity = Severity::Warning;
+  diagnostic.box = box_of(mesh, bad, ground.surface().frame);
+  diagnostic.values = {{"hexes", static_cast<double>(bad.size())}};
+  std::int64_t features = 0;
+  for (int round = 0; round < kRounds && !bad.empty(); ++round) {
+    const int rings = round;
+    const IdMap<VertexId, std::uint8_t> near = neighbourhood(mesh, bad, rings);
+    const Loosened loosened = loosen(mesh, near, round >= kFreeingRound);
+    features += loosened.features;
+    OptimiseRequest request;
+    request.ground = &ground;
+    request.seeds = &near;
+    OptimiseOptions options;
+    options.sweeps = kSweeps;
+    options.rings = 3;
+    options.min_scaled_jacobian = kCalmJacobian;
+    mesh = optimise(std::move(mesh), request, options, context).mesh;
+    mesh = polish(std::move(mesh), request, kCalmJacobian, 3, context).mesh;
+    if (!loosened.freed.empty()) {  // lead them back
+      for (VertexId v : loosened.freed) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
+      mesh = optimise(std::move(mesh), request, options, context).mesh;
+    }
+    bad = bad_hexes(mesh);
+  }
+  result.bad = static_cast<std::int64_t>(bad.size());
+  if (features > 0) {
+    diagnostic.count = features;
+    diagnostic.message = std::to_string(features) + " feature vertices were let go, because hexes at them would not be valid; refine there";
+    context.adjusted(std::move(diagnostic));
+    result.softened = 1;
+  }
+  OptimiseRequest request;
+  request.ground = &ground;
+  OptimiseOptions options;
+  options.sweeps = 0;
+  options.project = false;
+  OptimiseResult measured = optimise(std::move(mesh), request, options, context);
+  result.relaxed = measured.off_ground;
+  result.worst_off = measured.max_off_ground;
+  result.mesh = std::move(measured.mesh);
+  return result;
+}
+
+}  // namespace strata
