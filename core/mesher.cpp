@@ -23,7 +23,9 @@
 namespace strata {
 namespace {
 
-constexpr double kRelaxedShare = 0.25;      // of the local edge: boundary vertices farther off the surface make the rung fit_relaxed
+// The rung is fit_relaxed when more than this share of the boundary vertices stay off the surface by over a quarter of the local edge;
+// fewer are an adjustment only.
+constexpr double kRelaxedShare = 1e-3;
 constexpr double kDefaultCellsAcross = 16;  // default bound for cells: longest side of the bounding box over this
 
 // Figures of the estimate, measured on the benchmark cases (docs/performance.md).
@@ -101,7 +103,7 @@ void report_relaxed(const FitResult& fit, Rung& rung, Context& context) {
   diagnostic.message = std::to_string(fit.relaxed) + " boundary vertices stay off the surface or its features (by " +
                        std::to_string(fit.worst_off) + " of the local edge at most), because hexes would invert; refine there";
   context.adjusted(std::move(diagnostic));
-  if (fit.worst_off > kRelaxedShare) fall_to(rung, Rung::FitRelaxed);
+  if (static_cast<double>(fit.far) > kRelaxedShare * static_cast<double>(fit.held)) fall_to(rung, Rung::FitRelaxed);
 }
 
 [[noreturn]] void give_up(const HexMesh& mesh, std::int64_t bad) {

@@ -14,6 +14,8 @@ struct FitResult {
   HexMesh mesh;
   std::int64_t relaxed = 0;       // held vertices left off their geometry to stay valid
   double worst_off = 0;           // the farthest of them, over the local edge length
+  std::int64_t far = 0;           // those farther than a quarter of the local edge
+  std::int64_t held = 0;          // boundary vertices in all
   std::int64_t softened = 0;      // curves that no edge path represents
   std::int64_t bad = 0;           // hexes whose scaled Jacobian, corners and centre, is not above kLeastJacobian
 };

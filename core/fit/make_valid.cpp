@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <string>
 
 #include "core/base/context.h"
@@ -14,6 +15,8 @@ constexpr int kRounds = 5;          // each gives up more, on a wider ring
 constexpr int kFreeingRound = 2;    // from this round on vertices may leave the surface
 constexpr int kSweeps = 20;
 constexpr double kCalmJacobian = 0.05;
+constexpr double kOnSurface = 1e-9;  // working frame: rounding
+constexpr double kFar = 0.25;        // of the local edge
 
 // 1 for every vertex within `rings` hexes of a bad hex.
 IdMap<VertexId, std::uint8_t> neighbourhood(const HexMesh& mesh, const std::vector<HexId>& bad, int rings) {
@@ -57,6 +60,34 @@ Loosened loosen(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, bool o
     result.freed.push_back(v);
   }
   return result;
+}
+
+// How far held vertices stand from their geometry, in mean edge lengths of the quads round them.
+void measure_distance(const HexMesh& mesh, const Ground& ground, FitResult& result) {
+  IdMap<VertexId, double> length(mesh.position.size(), 0);
+  IdMap<VertexId, std::int32_t> edges(mesh.position.size(), 0);
+  for (const QuadVertices& q : mesh.quads)
+    for (std::size_t k = 0; k < 4; ++k) {
+      const double l = (mesh.position[q[k]] - mesh.position[q[(k + 1) & 3]]).norm();
+      for (VertexId v : {q[k], q[(k + 1) & 3]}) {
+        length[v] += l;
+        ++edges[v];
+      }
+    }
+  IdMap<VertexId, double> off(mesh.position.size(), 0);
+  parallel_for(mesh.position.size(), [&](std::size_t i) {
+    const VertexId v(i);
+    const Attachment attachment = mesh.attachment[v];
+    if (edges[v] == 0 || attachment.hold == Hold::Free || attachment.hold == Hold::Fixed) return;
+    const double distance = (ground.project(attachment, mesh.position[v]).position - mesh.position[v]).norm();
+    off[v] = distance > kOnSurface ? distance * edges[v] / length[v] : 0;
+  });
+  for (VertexId v : off.ids()) {
+    if (edges[v] > 0) ++result.held;
+    if (off[v] > 0) ++result.relaxed;
+    if (off[v] > kFar) ++result.far;
+    result.worst_off = std::max(result.worst_off, off[v]);
+  }
 }
 
 }  // namespace
@@ -110,15 +141,8 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     context.adjusted(std::move(diagnostic));
     result.softened = 1;
   }
-  OptimiseRequest request;
-  request.ground = &ground;
-  OptimiseOptions options;
-  options.sweeps = 0;
-  options.project = false;
-  OptimiseResult measured = optimise(std::move(mesh), request, options, context);
-  result.relaxed = measured.off_ground;
-  result.worst_off = measured.max_off_ground;
-  result.mesh = std::move(measured.mesh);
+  measure_distance(mesh, ground, result);
+  result.mesh = std::move(mesh);
   return result;
 }
 

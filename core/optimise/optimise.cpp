@@ -15,7 +15,6 @@ namespace {
 
 constexpr int kUntangleSweeps = 60;   // at most, before the sweeps asked for; each touches only the surroundings of bad hexes
 constexpr int kLooseSweeps = 40;
-constexpr int kArrivalSweeps = 20;    // at most, after them, while held vertices are still on their way
 
 // Exponent on u = (mean ratio)^(3/2).
 int exponent_of(double power) { return std::clamp(static_cast<int>(std::lround(power / 1.5)), 1, 12); }
@@ -66,7 +65,7 @@ OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const Opti
   untangle_loosely(work, options.min_scaled_jacobian, context);
   work.wake_all();
   int sweep = 0;
-  for (; sweep < options.sweeps || (options.project && sweep < options.sweeps + kArrivalSweeps && work.off_ground() > 0); ++sweep) {
+  for (; sweep < options.sweeps || (options.project && sweep < options.sweeps + options.arrival_sweeps && work.off_ground() > 0); ++sweep) {
     // Held vertices arrive gently: the floor under projections sinks from sweep to sweep, so that the inside can follow.
     const double gentle = 0.3 * (1 - 2.0 * sweep / std::max(options.sweeps, 1));
     const std::int64_t moved = work.sweep(

@@ -20,6 +20,7 @@ struct OptimiseOptions {
   int sweeps = 10;                      // Gauss-Seidel sweeps at most; stops early when nothing moves. Untangling before them and the last
                                         // steps of held vertices after them have budgets of their own
   int rings = -1;                       // with `seeds`: how many rings of vertices round them take part; -1: all vertices
+  int arrival_sweeps = 20;              // more sweeps at most, while held vertices are still on their way to their geometry
   double power = 3;                     // exponent on the mean ratio of each corner: larger looks more at the worst; rounded to a multiple
                                         // of 3/2 (which needs no cube root)
   bool project = true;                  // draw held vertices that are off their geometry towards it, never inverting a hex
