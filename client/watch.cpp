@@ -44,10 +44,9 @@ std::optional<v1::Job> follow(Connection& connection, const std::string& job_id,
     guard.heard();
     // A snapshot comes with every new stream and is no progress.
     if (event.sequence() > sequence || event.has_heartbeat()) backoff.reset();
-    if (event.sequence() > sequence) {
-      sequence = event.sequence();
-      if (options.on_event) options.on_event(event);
-    }
+    const bool news = event.sequence() > sequence || event.has_done();
+    sequence = std::max(sequence, event.sequence());
+    if (news && options.on_event) options.on_event(event);
     show(event, view);
     if (event.has_done()) done = std::move(*event.mutable_done());
   }

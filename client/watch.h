@@ -11,7 +11,7 @@ namespace strata::client {
 
 struct WatchOptions {
   int retries = 8;
-  std::function<void(const v1::WatchJobResponse&)> on_event;  // every event with a sequence, for machine output
+  std::function<void(const v1::WatchJobResponse&)> on_event;  // every event once, snapshots and heartbeats apart
 };
 
 // Returns the job when it has ended, however. Throws as go_on does when the command should end: the job goes on.
