@@ -19,6 +19,7 @@ namespace {
 constexpr double kHair = 1e-6;         // of an edge: a node on the surface must not leak from one side to the other
 constexpr std::int32_t kPocket = 8;    // nodes: smaller components are no regions
 constexpr double kClearlyInside = 0.75;  // winding number that tells a leak from noise round an open border
+constexpr double kMostOpen = 0.12;     // of a region's border: more is not a hole to be closed but a side that is missing
 constexpr std::size_t kLeakSamples = 4096;
 constexpr std::size_t kNearestNodes = 64;  // tried for each seed point: enough that one sees it past a thin wall
 
@@ -99,15 +100,19 @@ Components flood(const Dual& dual, const std::vector<Link>& links, const std::ve
   return result;
 }
 
-// Per component: 1 when it holds a node on the root cube's border, which the octree keeps clear of the surface.
+// Per component: 1 when it holds a node known to lie outside or, where nothing is known, one on the border of the mesh, which is
+// clear of the surface.
 std::vector<std::uint8_t> find_outside(const Dual& dual, const Components& components) {
+  std::vector<std::uint8_t> outside(components.size.size(), 0);
+  const auto mark = [&](VertexId v) { outside[static_cast<std::size_t>(components.of[v])] = 1; };
+  for (VertexId v : dual.outside.ids())
+    if (dual.outside[v] != 0) mark(v);
+  if (!dual.outside.empty()) return outside;
   Box box;
   for (const Vec3& p : dual.mesh.position) box.add(p);
-  std::vector<std::uint8_t> outside(components.size.size(), 0);
   for (VertexId v : dual.mesh.position.ids()) {
     const Vec3& p = dual.mesh.position[v];
-    if ((p.array() == box.min.array()).any() || (p.array() == box.max.array()).any())
-      outside[static_cast<std::size_t>(components.of[v])] = 1;
+    if ((p.array() == box.min.array()).any() || (p.array() == box.max.array()).any()) mark(v);
   }
   return outside;
 }
@@ -130,6 +135,38 @@ std::vector<std::uint8_t> leaked_side(const Dual& dual, const Components& compon
   return side;
 }
 
+// How much of a component's border is no surface but a hole that the winding number closes.
+struct Opening {
+  double hole = 0, wall = 0;  // areas
+  Box box;                    // of the hole, working frame
+  [[nodiscard]] bool gapes() const { return hole > kMostOpen * (hole + wall); }
+};
+std::vector<Opening> measure_openings(const Dual& dual, const Components& components, const std::vector<std::uint8_t>& side,
+                                      const std::vector<Link>& links) {
+  std::vector<Opening> openings(components.size.size());
+  // The component on the inner side of a border, and the share of area of an edge that crosses the border.
+  const auto opening = [&](VertexId a, VertexId b) -> Opening& {
+    return openings[static_cast<std::size_t>(components.of[side[a.index()] != 0 ? a : b])];
+  };
+  const auto area = [&](VertexId a, VertexId b) { return static_cast<double>(dual.cell_size[a]) * static_cast<double>(dual.cell_size[b]); };
+  constexpr double kHexesPerEdge = 4;
+  for (const HexVertices& hex : dual.mesh.hexes)
+    for (const auto& edge : kHexEdges) {
+      const VertexId a = hex[static_cast<std::size_t>(edge[0])], b = hex[static_cast<std::size_t>(edge[1])];
+      if (side[a.index()] != side[b.index()] && (dual.cut[a] == 0 || dual.cut[b] == 0)) {
+        opening(a, b).hole += area(a, b) / kHexesPerEdge;
+        opening(a, b).box.add(Vec3(0.5 * (dual.mesh.position[a] + dual.mesh.position[b])));
+      }
+    }
+  for (const Link& link : links) {
+    if (side[link.a.index()] == side[link.b.index()]) continue;
+    Opening& o = opening(link.a, link.b);
+    (link.hit.valid() ? o.wall : o.hole) += area(link.a, link.b);
+    if (!link.hit.valid()) o.box.add(Vec3(0.5 * (dual.mesh.position[link.a] + dual.mesh.position[link.b])));
+  }
+  return openings;
+}
+
 std::string point_text(const Vec3& p) {
   return "(" + std::to_string(p.x()) + ", " + std::to_string(p.y()) + ", " + std::to_string(p.z()) + ")";
 }
@@ -140,6 +177,28 @@ std::string point_text(const Vec3& p) {
   diagnostic.message = std::move(message);
   diagnostic.field = std::move(field);
   diagnostic.box = box;
+  throw MeshError(Failure::InvalidInput, std::move(diagnostic));
+}
+
+[[noreturn]] void throw_open(const Opening& opening, const Surface& surface, std::string field) {
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::SurfaceNotClosed;
+  diagnostic.field = std::move(field);
+  diagnostic.box.add(surface.frame.to_input(opening.box.min));
+  diagnostic.box.add(surface.frame.to_input(opening.box.max));
+  const double percent = std::round(100 * opening.hole / (opening.hole + opening.wall));
+  for (TriangleId t : surface.triangles.ids())
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (surface.neighbours[t][i].valid()) continue;
+      ++diagnostic.count;
+      if (diagnostic.triangles.size() < Diagnostic::kMaxListed &&
+          (diagnostic.triangles.empty() || diagnostic.triangles.back() != surface.source[t]))
+        diagnostic.triangles.push_back(surface.source[t]);
+    }
+  diagnostic.values = {{"open_percent", percent}, {"open_edges", static_cast<double>(diagnostic.count)}};
+  diagnostic.message = "the surface is not closed: a hole near " + point_text(diagnostic.box.centre()) + " leaves " +
+                       std::to_string(static_cast<int>(percent)) + " % of the volume's border open (" +
+                       std::to_string(diagnostic.count) + " open edges in all)";
   throw MeshError(Failure::InvalidInput, std::move(diagnostic));
 }
 
@@ -185,7 +244,7 @@ struct Numbering {
 };
 
 Numbering number_by_points(const Dual& dual, const Components& components, const std::vector<std::uint8_t>& outside,
-                           const Surface& surface, const Locator& locator, const std::vector<Vec3>& points, Context& context) {
+                           const std::vector<Opening>& openings, const Surface& surface, const Locator& locator, const std::vector<Vec3>& points, Context& context) {
   Numbering numbering{std::vector<std::int32_t>(outside.size(), kVoid), static_cast<std::int32_t>(points.size())};
   for (std::size_t i = 0; i < points.size(); ++i) {
     const std::string name = "seed point " + std::to_string(i + 1) + " " + point_text(surface.frame.to_input(points[i]));
@@ -198,6 +257,7 @@ Numbering number_by_points(const Dual& dual, const Components& components, const
       const bool leak = !surface.closed && std::abs(locator.winding_number(points[i])) > 0.5;
       throw_not_found(name + (leak ? " leaks out: the surface round it is not closed" : " lies outside every closed surface"), field, box);
     }
+    if (!openings.empty() && openings[static_cast<std::size_t>(c)].gapes()) throw_open(openings[static_cast<std::size_t>(c)], surface, field);
     auto& region = numbering.region[static_cast<std::size_t>(c)];
     if (region < 0) {
       region = static_cast<std::int32_t>(i);
@@ -214,13 +274,19 @@ Numbering number_by_points(const Dual& dual, const Components& components, const
   return numbering;
 }
 
-Numbering number_bounded(const Components& components, const std::vector<std::uint8_t>& outside, const std::vector<Link>& links,
-                         VolumeMode mode) {
+// What gapes is no bounded region; when nothing else is there, the widest opening is to blame.
+Numbering number_bounded(const Components& components, const std::vector<std::uint8_t>& outside, const std::vector<Opening>& openings,
+                         const Surface& surface, const std::vector<Link>& links, VolumeMode mode) {
   Numbering numbering{std::vector<std::int32_t>(outside.size(), kVoid), 0};
   std::vector<std::uint8_t> wanted(outside.size(), 1);
   if (mode == VolumeMode::Outermost) wanted = next_to_outside(components, outside, links);
+  const Opening* widest = nullptr;
   for (std::size_t c = 0; c < outside.size(); ++c) {
     if (outside[c] != 0 || wanted[c] == 0 || components.size[c] < kPocket) continue;
+    if (!openings.empty() && openings[c].gapes()) {
+      if (widest == nullptr || openings[c].hole > widest->hole) widest = &openings[c];
+      continue;
+    }
     if (mode == VolumeMode::Solid) {
       numbering.region[c] = 0;
       numbering.count = 1;
@@ -228,6 +294,7 @@ Numbering number_bounded(const Components& components, const std::vector<std::ui
       numbering.region[c] = numbering.count++;
     }
   }
+  if (numbering.count == 0 && widest != nullptr) throw_open(*widest, surface, "volume");
   return numbering;
 }
 
@@ -259,6 +326,7 @@ NodeColours colour_nodes(const Dual& dual, const Surface& surface, const Locator
   context.checkpoint();
   Components components = flood(dual, links, {});
   std::vector<std::uint8_t> outside = find_outside(dual, components);
+  std::vector<Opening> openings;  // empty: no leak
   if (!surface.closed) {
     if (const auto side = leaked_side(dual, components, outside, locator); !side.empty()) {
       // Flood again, with the winding number's half level as a wall across the holes.
@@ -268,13 +336,14 @@ NodeColours colour_nodes(const Dual& dual, const Surface& surface, const Locator
         if (side[v.index()] == 0 && outside[static_cast<std::size_t>(components.of[v])] != 0)
           still_outside[static_cast<std::size_t>(walled.of[v])] = 1;
       components = std::move(walled);
+      openings = measure_openings(dual, components, side, links);
       outside = std::move(still_outside);
     }
   }
   context.checkpoint();
   const Numbering numbering = volume.mode == VolumeMode::Points
-                                  ? number_by_points(dual, components, outside, surface, locator, volume.points, context)
-                                  : number_bounded(components, outside, links, volume.mode);
+                                  ? number_by_points(dual, components, outside, openings, surface, locator, volume.points, context)
+                                  : number_bounded(components, outside, openings, surface, links, volume.mode);
   if (numbering.count == 0)
     throw_not_found(surface.closed ? "no volume is enclosed by the surface at this cell size"
                                    : "no volume is enclosed: the surface is not closed", "volume", {});

@@ -4,6 +4,7 @@
 #include "core/dual/dual.h"
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
 
 #include "core/base/context.h"
@@ -68,17 +69,44 @@ Patterns number_patterns(const std::vector<PatternBits>& bits_of) {
   return patterns;
 }
 
+// Blocks of which cells are made: all that are not outside, and rings of blocks round these. Empty: all.
+// One ring will do: the nodes of hexes that may be kept lie within a cell of the surface, so in blocks that are not outside; the hexes
+// round these nodes reach one block further.
+constexpr int kRings = 1;
+std::vector<std::uint8_t> choose_blocks(const Octree& octree, const BlockTree& tree) {
+  std::vector<std::uint8_t> kept;
+  if (octree.outside.empty()) return kept;
+  kept.resize(octree.block_count());
+  for (std::size_t b = 0; b < kept.size(); ++b) kept[b] = octree.outside[b] == 0;
+  for (int ring = 0; ring < kRings; ++ring) {
+    const std::vector<std::uint8_t> before = kept;
+    // Neighbours know each other from the finer side at least. Many may write the same 1.
+    const auto keep = [&](std::size_t b) { std::atomic_ref<std::uint8_t>(kept[b]).store(1, std::memory_order_relaxed); };
+    for_each_leaf(tree, [&](std::size_t block, const Neighbourhood& around) {
+      for (const NodeRef other : around) {
+        if (!is_leaf(other)) continue;
+        if (before[leaf_index(other)] != 0 && before[block] == 0) keep(block);
+        if (before[block] != 0 && before[leaf_index(other)] == 0) keep(leaf_index(other));
+      }
+    });
+  }
+  return kept;
+}
+
 // The octree with all that dualisation asks of it.
 struct Blocks {
   const Octree& octree;
   BlockTree tree;
+  std::vector<std::uint8_t> kept;
   std::vector<LowNeighbours> low;
   Patterns patterns;
+  [[nodiscard]] bool keeps(std::size_t block) const { return kept.empty() || kept[block] != 0; }
   [[nodiscard]] const Pattern& pattern(std::size_t block) const { return patterns.all[patterns.of_block[block]]; }
 };
 
 Blocks look_round(const Octree& octree) {
-  Blocks blocks{octree, make_block_tree(octree), std::vector<LowNeighbours>(octree.block_count()), {}};
+  Blocks blocks{octree, make_block_tree(octree), {}, std::vector<LowNeighbours>(octree.block_count()), {}};
+  blocks.kept = choose_blocks(octree, blocks.tree);
   std::vector<PatternBits> bits(octree.block_count());
   for_each_leaf(blocks.tree, [&](std::size_t block, const Neighbourhood& around) {
     bits[block] = bits_of_block(around);
@@ -93,14 +121,6 @@ unsigned root_faces(const LowNeighbours& low) {
   return (low[1] == kOutside ? 1u : 0u) | (low[2] == kOutside ? 2u : 0u) | (low[4] == kOutside ? 4u : 0u);
 }
 unsigned low_faces(const LatticePoint& p) { return (p.x == 0 ? 1u : 0u) | (p.y == 0 ? 2u : 0u) | (p.z == 0 ? 4u : 0u); }
-
-std::int64_t hexes_of_block(const Pattern& pattern, const LowNeighbours& low) {
-  const unsigned closed = root_faces(low);
-  std::int64_t count = static_cast<std::int64_t>(pattern.interior.size());
-  if (closed == 0) return count + static_cast<std::int64_t>(pattern.owned.size());
-  for (const LatticePoint& p : pattern.owned) count += (low_faces(p) & closed) == 0 ? 1 : 0;
-  return count;
-}
 
 // A sub-cell, by block and place in the block's pattern.
 struct Found {
@@ -138,26 +158,49 @@ Found find_in_other_level(const Blocks& blocks, std::size_t block, const Lattice
   return {at, blocks.pattern(at).octant[lattice_index(static_cast<int>(q[0]), static_cast<int>(q[1]), static_cast<int>(q[2]))][octant]};
 }
 
+// Found by the octant it fills round the block's point p.
+Found find_cell(const Blocks& blocks, std::size_t block, const LatticePoint& p, unsigned octant) {
+  const unsigned across = low_faces(p) & ~octant;
+  const NodeRef neighbour = blocks.low[block][across];
+  if (is_inner(neighbour) || blocks.octree.level[leaf_index(neighbour)] != blocks.octree.level[block])
+    return find_in_other_level(blocks, block, p, octant, neighbour, across);
+  const std::size_t at = leaf_index(neighbour);
+  const std::size_t q = lattice_index(p.x + (across & 1 ? kQuarters : 0), p.y + (across & 2 ? kQuarters : 0), p.z + (across & 4 ? kQuarters : 0));
+  return {at, blocks.pattern(at).octant[q][octant]};
+}
+
+// Blocks round which nothing is missing: neither the root's border nor a block left out.
+bool is_surrounded(const Blocks& blocks, std::size_t block) {
+  const LowNeighbours& low = blocks.low[block];
+  if (root_faces(low) != 0) return false;
+  return blocks.kept.empty() || std::all_of(low.begin(), low.end(), [&](NodeRef n) { return is_leaf(n) && blocks.keeps(leaf_index(n)); });
+}
+
+// Whether the eight cells round the block's point exist.
+bool has_all_cells(const Blocks& blocks, std::size_t block, const LatticePoint& p) {
+  if (low_faces(p) & root_faces(blocks.low[block])) return false;
+  for (unsigned octant = 0; octant < 8 && !blocks.kept.empty(); ++octant)
+    if (!blocks.keeps(find_cell(blocks, block, p, octant).block)) return false;
+  return true;
+}
+
+std::int64_t hexes_of_block(const Blocks& blocks, std::size_t block) {
+  if (!blocks.keeps(block)) return 0;  // it holds the high octant of its points
+  const Pattern& pattern = blocks.pattern(block);
+  const std::int64_t inside = static_cast<std::int64_t>(pattern.interior.size());
+  if (is_surrounded(blocks, block)) return inside + static_cast<std::int64_t>(pattern.owned.size());
+  return inside + std::count_if(pattern.owned.begin(), pattern.owned.end(), [&](const LatticePoint& p) { return has_all_cells(blocks, block, p); });
+}
+
 VertexId node_id(const std::vector<std::int32_t>& first_node, std::size_t block, int cell) {
   return VertexId(first_node[block] + cell);
 }
 
 HexVertices hex_at(const Blocks& blocks, const std::vector<std::int32_t>& first_node, std::size_t block, const LatticePoint& p) {
-  const LowNeighbours& low = blocks.low[block];
-  const unsigned faces = low_faces(p);
   HexVertices hex;
   for (std::size_t corner = 0; corner < 8; ++corner) {
-    const unsigned octant = kOctantOfCorner[corner];
-    const unsigned across = faces & ~octant;
-    const NodeRef neighbour = low[across];
-    if (!is_inner(neighbour) && blocks.octree.level[leaf_index(neighbour)] == blocks.octree.level[block]) {
-      const std::size_t at = leaf_index(neighbour);
-      const std::size_t q = lattice_index(p.x + (across & 1 ? kQuarters : 0), p.y + (across & 2 ? kQuarters : 0), p.z + (across & 4 ? kQuarters : 0));
-      hex[corner] = node_id(first_node, at, blocks.pattern(at).octant[q][octant]);
-    } else {
-      const Found found = find_in_other_level(blocks, block, p, octant, neighbour, across);
-      hex[corner] = node_id(first_node, found.block, found.cell);
-    }
+    const Found found = find_cell(blocks, block, p, kOctantOfCorner[corner]);
+    hex[corner] = node_id(first_node, found.block, found.cell);
   }
   return hex;
 }
@@ -181,8 +224,8 @@ Offsets offsets_of(const Blocks& blocks) {
   const std::size_t count = blocks.octree.block_count();
   std::vector<std::int64_t> node(count), hex(count);
   parallel_for(count, [&](std::size_t b) {
-    node[b] = static_cast<std::int64_t>(blocks.pattern(b).node.size());
-    hex[b] = hexes_of_block(blocks.pattern(b), blocks.low[b]);
+    node[b] = blocks.keeps(b) ? static_cast<std::int64_t>(blocks.pattern(b).node.size()) : 0;
+    hex[b] = hexes_of_block(blocks, b);
   });
   Offsets offsets;
   offsets.nodes = exclusive_scan(node);
@@ -197,6 +240,7 @@ Offsets offsets_of(const Blocks& blocks) {
 void fill_nodes(const Blocks& blocks, const Offsets& offsets, Dual& dual) {
   const Octree& octree = blocks.octree;
   parallel_for(octree.block_count(), [&](std::size_t b) {
+    if (!blocks.keeps(b)) return;
     const GridPoint low = morton_point(octree.key[b]);
     const double unit = octree.root_size / static_cast<double>(std::int64_t{1} << Octree::kMaxLevel);
     const Vec3 corner = octree.origin + unit * Vec3(static_cast<double>(low[0]), static_cast<double>(low[1]), static_cast<double>(low[2]));
@@ -206,6 +250,7 @@ void fill_nodes(const Blocks& blocks, const Offsets& offsets, Dual& dual) {
       dual.mesh.position[v] = corner + 2 * cell * node;
       dual.cell_size[v] = static_cast<float>(cell);
       dual.cut[v] = octree.cut[b];
+      if (!octree.outside.empty()) dual.outside[v] = octree.outside[b];
       ++v.value;
     }
   });
@@ -217,7 +262,7 @@ bool is_plain(const Blocks& blocks, std::size_t block) {
   for (const NodeRef neighbour : blocks.low[block]) {
     if (!is_leaf(neighbour)) return false;
     const std::size_t at = leaf_index(neighbour);
-    if (blocks.octree.level[at] != level || blocks.patterns.of_block[at] != blocks.patterns.plain) return false;
+    if (!blocks.keeps(at) || blocks.octree.level[at] != level || blocks.patterns.of_block[at] != blocks.patterns.plain) return false;
   }
   return true;
 }
@@ -244,19 +289,20 @@ void fill_plain_hexes(const Blocks& blocks, const std::vector<std::int32_t>& fir
 
 void fill_hexes(const Blocks& blocks, const Offsets& offsets, HexMesh& mesh) {
   parallel_for(blocks.octree.block_count(), [&](std::size_t b) {
+    if (!blocks.keeps(b)) return;
     if (is_plain(blocks, b)) {
       fill_plain_hexes(blocks, offsets.node, b, mesh.hexes.data() + offsets.hex[b]);
       return;
     }
     const Pattern& pattern = blocks.pattern(b);
-    const unsigned closed = root_faces(blocks.low[b]);
+    const bool all = is_surrounded(blocks, b);
     HexId hex(offsets.hex[b]);
     for (const auto& cells : pattern.interior) {
       for (std::size_t corner = 0; corner < 8; ++corner) mesh.hexes[hex][corner] = node_id(offsets.node, b, cells[corner]);
       ++hex.value;
     }
     for (const LatticePoint& p : pattern.owned) {
-      if (low_faces(p) & closed) continue;
+      if (!all && !has_all_cells(blocks, b, p)) continue;
       mesh.hexes[hex] = hex_at(blocks, offsets.node, b, p);
       ++hex.value;
     }
@@ -277,6 +323,7 @@ Dual dualize(Octree octree, Context& context) {
   dual.mesh.attachment.resize(nodes);
   dual.cell_size.resize(nodes);
   dual.cut.resize(nodes);
+  if (!octree.outside.empty()) dual.outside.resize(nodes);
   fill_nodes(blocks, offsets, dual);
   context.progress(0.6, offsets.hexes);
 
@@ -291,7 +338,7 @@ Dual dualize(Octree octree, Context& context) {
 std::int64_t count_dual_hexes(const Octree& octree) {
   const Blocks blocks = look_round(octree);
   return parallel_reduce(
-      octree.block_count(), std::int64_t{0}, [&](std::size_t b) { return hexes_of_block(blocks.pattern(b), blocks.low[b]); },
+      octree.block_count(), std::int64_t{0}, [&](std::size_t b) { return hexes_of_block(blocks, b); },
       [](std::int64_t a, std::int64_t b) { return a + b; });
 }
 

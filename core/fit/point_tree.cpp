@@ -1,6 +1,7 @@
 #include "core/fit/point_tree.h"
 
 #include <algorithm>
+#include <limits>
 #include <tuple>
 #include <utility>
 
@@ -34,6 +35,30 @@ void PointTree::visit(std::size_t begin, std::size_t end, int axis, const Vec3& 
   const double side = p[axis] - entry.position[axis];
   if (side <= radius) visit(begin, middle, (axis + 1) % 3, p, radius, found);
   if (side >= -radius) visit(middle + 1, end, (axis + 1) % 3, p, radius, found);
+}
+
+void PointTree::visit_nearest(std::size_t begin, std::size_t end, int axis, const Vec3& p, std::pair<double, VertexId>& best) const {
+  if (begin == end) return;
+  const std::size_t middle = begin + (end - begin) / 2;
+  const Entry& entry = entries_[middle];
+  best = std::min(best, {(entry.position - p).norm(), entry.vertex});
+  const double side = p[axis] - entry.position[axis];
+  const int next = (axis + 1) % 3;
+  const auto left = [&] { if (side <= best.first) visit_nearest(begin, middle, next, p, best); };
+  const auto right = [&] { if (-side <= best.first) visit_nearest(middle + 1, end, next, p, best); };
+  if (side < 0) {
+    left();
+    right();
+  } else {
+    right();
+    left();
+  }
+}
+
+VertexId PointTree::nearest(const Vec3& p) const {
+  std::pair<double, VertexId> best(std::numeric_limits<double>::infinity(), VertexId());
+  visit_nearest(0, entries_.size(), 0, p, best);
+  return best.second;
 }
 
 std::vector<VertexId> PointTree::within(const Vec3& p, double radius) const {

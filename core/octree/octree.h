@@ -20,6 +20,7 @@ struct Octree {
   std::vector<std::uint64_t> key;       // Morton code (x lowest bit) of the low corner, in units of finest blocks; sorted
   std::vector<std::uint8_t> level;      // edge of the block = root_size / 2^level
   std::vector<std::uint8_t> cut;        // 1: the block, inflated by a cell, meets the surface
+  std::vector<std::uint8_t> outside;    // 1: the block lies outside the surface for sure; empty: unknown
 
   [[nodiscard]] std::size_t block_count() const { return key.size(); }
   [[nodiscard]] double cell_size(int block_level) const { return root_size / static_cast<double>(std::int64_t{2} << block_level); }

@@ -9,6 +9,7 @@
 
 #include "core/base/context.h"
 #include "core/base/parallel.h"
+#include "core/octree/mark_outside.h"
 #include "core/octree/morton.h"
 #include "core/octree/octree.h"
 #include "core/octree/split_nodes.h"
@@ -300,6 +301,7 @@ Octree refine_octree(const Surface& surface, const SizeField& sizes, const Octre
     octree.origin = root.origin;
     octree.root_size = root.size;
     mark_cut(octree, std::move(refinement.cut), surface, root);
+    mark_outside(octree, surface);
     if (step > 0) report_coarsening(coarsening, options.max_cells, kCellsPerBlock * blocks, context);
     if (targets.clamped) report_clamp(std::ldexp(root.size, -std::min(options.max_level, Octree::kMaxLevel) - 1), context);
     context.progress(1);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <set>
@@ -11,6 +12,8 @@
 #include "core/base/context.h"
 #include "core/base/diagnostic.h"
 #include "core/buffer/wrap.h"
+#include "core/dual/dual.h"
+#include "core/octree/octree.h"
 #include "tests/support/grids.h"
 #include "tests/support/mesh_checks.h"
 #include "tests/support/shapes.h"
@@ -201,6 +204,65 @@ TEST(Carve, AHoleLargerThanTheCellsIsClosedByTheWindingNumber) {
   EXPECT_EQ(check_topology(made.mesh), "");
   EXPECT_EQ(testing::euler_of_boundary(made.mesh), 2);
   EXPECT_GT(testing::hex_volume(made.mesh), 0.25);
+}
+
+TriangleSoup without_top(TriangleSoup soup) {
+  std::size_t kept = 0;
+  double top = 0;
+  for (const Vec3& p : soup.points) top = std::max(top, p.z());
+  for (std::size_t t = 0; t < soup.triangles.size(); ++t) {
+    const auto on_top = [&](std::int32_t p) { return soup.points[static_cast<std::size_t>(p)].z() > top - 1e-9; };
+    if (std::all_of(soup.triangles[t].begin(), soup.triangles[t].end(), on_top)) continue;
+    soup.triangles[kept] = soup.triangles[t];
+    soup.patch[kept++] = soup.patch[t];
+  }
+  soup.triangles.resize(kept);
+  soup.patch.resize(kept);
+  return soup;
+}
+
+TEST(Carve, ACubeWithoutItsTopIsRefusedWithThePlaceOfTheHole) {
+  for (const VolumeSpec& volume : {VolumeSpec{VolumeMode::All, {}}, VolumeSpec{VolumeMode::Points, {Vec3(0.45, 0.55, 0.5)}}}) {
+    const TriangleSoup soup = without_top(test::cube(4));
+    Box box;
+    for (const Vec3& p : soup.points) box.add(p);
+    VolumeSpec inside = volume;
+    for (Vec3& p : inside.points) p = box.min + p.cwiseProduct(box.extent());
+    try {
+      carve_soup(soup, 20, inside);
+      FAIL() << "no error";
+    } catch (const MeshError& error) {
+      EXPECT_EQ(error.failure(), Failure::InvalidInput);
+      EXPECT_EQ(error.diagnostic().reason, Reason::SurfaceNotClosed);
+      EXPECT_EQ(error.diagnostic().count, 16);
+      EXPECT_NEAR(error.diagnostic().box.centre().z(), box.max.z(), 0.1 * box.extent().z());
+    }
+  }
+}
+
+// What is left out of the dual must not be missed, whatever the sizes.
+TEST(Carve, BlocksLeftOutOutsideChangeNothing) {
+  for (const double finest : {0.02, 0.04}) {
+    for (const TriangleSoup& soup : {test::rotated(test::l_block(), Vec3(0.2, 1, 0.4), 0.9), test::torus(), without_top(test::sphere(3))}) {
+      Context context;
+      const Surface surface = condition(soup, context);
+      const Locator locator(surface);
+      SizeField sizes;
+      sizes.max_size = 0.2;
+      sizes.at_triangle = IdMap<TriangleId, double>(surface.triangles.size(), 4 * finest);
+      for (std::size_t t = 0; t < surface.triangles.size(); t += 37) sizes.at_triangle[TriangleId(t)] = finest;
+      Octree pruned = refine_octree(surface, sizes, {}, context);
+      Octree whole = pruned;
+      whole.outside.clear();
+      Dual small = dualize(std::move(pruned), context), large = dualize(std::move(whole), context);
+      EXPECT_LT(small.mesh.hexes.size(), large.mesh.hexes.size());
+      const HexMesh a = carve(std::move(small), surface, locator, {}, context);
+      const HexMesh b = carve(std::move(large), surface, locator, {}, context);
+      EXPECT_EQ(a.hexes, b.hexes);
+      EXPECT_EQ(a.position, b.position);
+      EXPECT_EQ(a.quads, b.quads);
+    }
+  }
 }
 
 }  // namespace

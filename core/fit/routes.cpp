@@ -1,0 +1,290 @@
+#include "core/fit/routes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <tuple>
+
+namespace strata {
+namespace {
+
+// In cells:
+constexpr double kShortestTail = 2.0;     // a crease that ends in the open
+constexpr double kShortestLoner = 3.0;    // a crease that ends in the open at both ends
+constexpr double kShortestLoop = 4.0;     // a closed crease
+constexpr double kCornerDistance = 0.15;  // corners closer than this along a curve are one: anything longer still makes a sound, flat quad
+constexpr double kNarrowest = 0.15;       // width of a strip between two creases
+constexpr double kSmallestChart = 0.7;    // area of a chart, in cells' faces
+constexpr double kDissolveTurn = std::numbers::pi / 4;  // a corner with two curves left that turn by less is none any more
+constexpr int kSizeSamples = 5;           // of the mesh size along a curve
+
+struct Link {  // a curve of the graph of curves and corners
+  bool alive = true;
+  bool border = false;
+  double size = 0;
+  double sharpness = 0;
+};
+
+struct Step {
+  CurveId curve;
+  bool backwards = false;
+};
+
+struct Chain {
+  std::vector<Step> steps;
+  CornerId first, last;   // invalid: closed with no corner
+  bool closed = false;
+  bool border = false;
+  double length = 0, size = 0, sharpness = 0;
+};
+
+class Pruner {
+ public:
+  Pruner(const Ground& ground, const std::function<double(const Vec3&)>& size_at)
+      : surface_(ground.surface()), features_(ground.features()), links_(features_.curves.size()), united_(features_.corners.size()),
+        altered_(features_.corners.size(), std::uint8_t{0}), ends_(features_.corners.size()), chart_root_(features_.chart_count()), area_(features_.chart_count(), 0.0) {
+    for (CurveId c : features_.curves.ids()) {
+      const Curve& curve = features_.curves[c];
+      Link& link = links_[c];
+      const auto patch = [&](ChartId chart) { return chart.valid() ? features_.patch_of_chart[chart] : PatchId(); };
+      link.border = !curve.manifold || patch(curve.left) != patch(curve.right);
+      link.sharpness = std::max(std::abs(std::numbers::pi - curve.dihedral_mean), 0.0);
+      const auto n = curve.points.size();
+      for (int i = 0; i < kSizeSamples; ++i)
+        link.size += size_at(surface_.points[curve.points[std::min(n - 1, n * static_cast<std::size_t>(i) / (kSizeSamples - 1))]]) / kSizeSamples;
+    }
+    for (CornerId c : united_.ids()) united_[c] = c;
+    for (ChartId c : chart_root_.ids()) chart_root_[c] = c;
+    for (TriangleId t : features_.chart.ids()) {
+      const auto [a, b, c] = surface_.corners(t);
+      if (features_.chart[t].valid()) area_[features_.chart[t]] += 0.5 * (b - a).cross(c - a).norm();
+    }
+  }
+
+  RoutePlan run() {
+    // Cheap rules first: what they leave out changes what the later ones see.
+    do {
+      make_chains();
+    } while (drop_tails() || unite_corners() || open_narrow_charts());
+    return plan();
+  }
+
+ private:
+  [[nodiscard]] CornerId root(CornerId c) const {
+    while (c.valid() && united_[c] != c) c = united_[c];
+    return c;
+  }
+  [[nodiscard]] ChartId root(ChartId c) const {
+    while (c.valid() && chart_root_[c] != c) c = chart_root_[c];
+    return c;
+  }
+  [[nodiscard]] CornerId start(const Step& s) const { return root(s.backwards ? features_.curves[s.curve].last : features_.curves[s.curve].first); }
+  [[nodiscard]] CornerId end(const Step& s) const { return start({s.curve, !s.backwards}); }
+
+  // Direction in which the step leaves its start, over about one cell.
+  [[nodiscard]] Vec3 departure(const Step& s) const {
+    const Curve& curve = features_.curves[s.curve];
+    const auto n = curve.points.size();
+    const auto at = [&](std::size_t i) -> const Vec3& { return surface_.points[curve.points[s.backwards ? n - 1 - i : i]]; };
+    for (std::size_t i = 1; i < n; ++i)
+      if ((at(i) - at(0)).norm() > links_[s.curve].size || i + 1 == n) return (at(i) - at(0)).normalized();
+    return Vec3::Zero();
+  }
+
+  // Two curves are left where there were more, and one goes on where the other ends.
+  [[nodiscard]] bool dissolves(CornerId c) const {
+    const auto& ends = ends_[c];
+    if (ends.size() != 2 || ends[0].curve == ends[1].curve) return false;
+    const Link &a = links_[ends[0].curve], &b = links_[ends[1].curve];
+    if (a.border != b.border || features_.curves[ends[0].curve].manifold != features_.curves[ends[1].curve].manifold) return false;
+    if (features_.corners[c].curves.size() == 2 && !altered_[c]) return false;  // a corner in its own right
+    return departure(ends[0]).dot(-departure(ends[1])) > std::cos(kDissolveTurn);
+  }
+  void make_chains() {
+    for (auto& ends : ends_) ends.clear();
+    for (CurveId c : links_.ids()) {
+      if (!links_[c].alive) continue;
+      for (const bool backwards : {false, true})
+        if (const CornerId at = start({c, backwards}); at.valid()) ends_[at].push_back({c, backwards});
+    }
+    chains_.clear();
+    IdMap<CurveId, std::uint8_t> done(links_.size(), std::uint8_t{0});
+    IdMap<CornerId, std::uint8_t> through(ends_.size(), std::uint8_t{0});
+    for (CornerId c : ends_.ids()) through[c] = dissolves(c) ? 1 : 0;
+    const auto follow = [&](Step s) {
+      Chain chain;
+      chain.first = start(s);
+      while (true) {
+        chain.steps.push_back(s);
+        done[s.curve] = 1;
+        const CornerId at = end(s);
+        chain.last = at;
+        if (!at.valid() || through[at] == 0) break;
+        const auto& ends = ends_[at];
+        const Step next = ends[0].curve == s.curve ? ends[1] : ends[0];
+        if (done[next.curve]) break;
+        s = next;
+      }
+      chain.closed = !chain.first.valid() || chain.first == chain.last;
+      if (chain.first.valid() && through[chain.first]) chain.first = chain.last = CornerId();  // a ring of curves
+      for (const Step& step : chain.steps) {
+        const Link& link = links_[step.curve];
+        const double length = features_.curves[step.curve].length;
+        chain.length += length;
+        chain.size += length * link.size;
+        chain.sharpness += length * link.sharpness;
+        chain.border = link.border;
+      }
+      chain.size /= chain.length;
+      chain.sharpness /= chain.length;
+      chains_.push_back(std::move(chain));
+    };
+    for (CornerId c : ends_.ids())
+      if (!through[c])
+        for (const Step& s : ends_[c])
+          if (!done[s.curve]) follow(s);
+    for (CurveId c : links_.ids())
+      if (links_[c].alive && !done[c]) follow({c, false});
+  }
+
+  void drop(const Chain& chain) {
+    for (const Step& s : chain.steps) {
+      links_[s.curve].alive = false;
+      const ChartId a = root(features_.curves[s.curve].left), b = root(features_.curves[s.curve].right);
+      if (!a.valid() || !b.valid() || a == b) continue;
+      const auto [kept, gone] = std::minmax(a, b);
+      chart_root_[gone] = kept;
+      area_[kept] += area_[gone];
+    }
+  }
+
+  bool drop_tails() {
+    bool any = false;
+    for (const Chain& chain : chains_) {
+      if (chain.border) continue;
+      const double cells = chain.length / chain.size;
+      bool small = false;
+      if (chain.closed) small = cells < kShortestLoop;
+      else {
+        const int open = (ends_[chain.first].size() == 1 ? 1 : 0) + (ends_[chain.last].size() == 1 ? 1 : 0);
+        small = (open == 1 && cells < kShortestTail) || (open == 2 && cells < kShortestLoner);
+      }
+      if (small) drop(chain);
+      any = any || small;
+    }
+    return any;
+  }
+
+  bool unite_corners() {
+    std::vector<const Chain*> shorts;
+    for (const Chain& chain : chains_)
+      if (!chain.closed && chain.length < kCornerDistance * chain.size) shorts.push_back(&chain);
+    std::sort(shorts.begin(), shorts.end(), [](const Chain* a, const Chain* b) {
+      return std::tie(a->length, a->steps.front().curve) < std::tie(b->length, b->steps.front().curve);
+    });
+    IdMap<CornerId, std::uint8_t> busy(ends_.size(), std::uint8_t{0});
+    bool any = false;
+    for (const Chain* chain : shorts) {
+      if (busy[chain->first] || busy[chain->last]) continue;
+      // A corner that more curves need is the stronger one.
+      const auto rank = [&](CornerId c) { return std::make_pair(-static_cast<std::ptrdiff_t>(ends_[c].size()), c); };
+      const auto [kept, gone] = rank(chain->first) < rank(chain->last) ? std::pair(chain->first, chain->last) : std::pair(chain->last, chain->first);
+      busy[kept] = busy[gone] = 1;
+      united_[gone] = kept;
+      altered_[kept] = 1;
+      for (const Step& s : chain->steps) links_[s.curve].alive = false;
+      any = true;
+    }
+    return any;
+  }
+
+  // A chart too narrow or too small for a cell is joined to the neighbour across its least sharp border.
+  bool open_narrow_charts() {
+    struct Rim {
+      double length = 0, size = 0;
+      const Chain* weakest = nullptr;
+    };
+    IdMap<ChartId, Rim> rims(chart_root_.size());
+    for (const Chain& chain : chains_) {
+      const Curve& curve = features_.curves[chain.steps.front().curve];
+      const ChartId left = root(curve.left), right = root(curve.right);
+      if (left == right) continue;
+      for (const ChartId c : {left, right}) {
+        if (!c.valid()) continue;
+        Rim& rim = rims[c];
+        rim.length += chain.length;
+        rim.size += chain.length * chain.size;
+        if (chain.border) continue;
+        // Long borders count: opening the short end of a strip would not widen it.
+        const auto weight = [](const Chain& x) { return x.sharpness / x.length; };
+        if (rim.weakest == nullptr || weight(chain) < weight(*rim.weakest)) rim.weakest = &chain;
+      }
+    }
+    bool any = false;
+    IdMap<ChartId, std::uint8_t> busy(rims.size(), std::uint8_t{0});
+    for (ChartId c : rims.ids()) {
+      const Rim& rim = rims[c];
+      if (rim.weakest == nullptr) continue;
+      const double size = rim.size / rim.length;
+      if (area_[c] >= kSmallestChart * size * size && 2 * area_[c] >= kNarrowest * size * rim.length) continue;
+      const Curve& curve = features_.curves[rim.weakest->steps.front().curve];
+      const ChartId left = root(curve.left), right = root(curve.right);
+      if (busy[left] || busy[right]) continue;
+      busy[left] = busy[right] = 1;
+      drop(*rim.weakest);
+      any = true;
+    }
+    return any;
+  }
+
+  RoutePlan plan() {
+    RoutePlan plan;
+    plan.stands_for.assign(features_.corners.size(), CornerId());
+    for (const Chain& chain : chains_) {
+      Route route;
+      route.closed = chain.closed;
+      route.first = chain.first;
+      route.last = chain.last;
+      route.border = chain.border;
+      route.length = chain.length;
+      route.size = chain.size;
+      for (const Step& s : chain.steps) {
+        const Curve& curve = features_.curves[s.curve];
+        route.curves.push_back(s.curve);
+        const auto n = curve.points.size();
+        const std::size_t count = curve.closed ? n + 1 : n;
+        for (std::size_t i = route.points.empty() ? 0 : 1; i < count; ++i)
+          route.points.push_back(surface_.points[curve.points[s.backwards ? (2 * n - 1 - i + (curve.closed ? 1 : 0)) % n : i % n]]);
+      }
+      route.line = Polyline(route.points);
+      plan.routes.push_back(std::move(route));
+    }
+    IdMap<CornerId, std::uint8_t> kept(features_.corners.size(), std::uint8_t{0});
+    for (const Route& route : plan.routes)
+      for (const CornerId c : {route.first, route.last})
+        if (c.valid()) kept[c] = 1;
+    for (CornerId c : kept.ids())
+      if (features_.corners[c].curves.empty() || kept[root(c)]) plan.stands_for[c] = root(c);
+    std::stable_sort(plan.routes.begin(), plan.routes.end(), [](const Route& a, const Route& b) {
+      return std::make_tuple(!a.border, -a.length) < std::make_tuple(!b.border, -b.length);
+    });
+    return plan;
+  }
+
+  const Surface& surface_;
+  const Features& features_;
+  IdMap<CurveId, Link> links_;
+  IdMap<CornerId, CornerId> united_;
+  IdMap<CornerId, std::uint8_t> altered_;     // others were united with it
+  IdMap<CornerId, std::vector<Step>> ends_;   // of alive curves, by united corner
+  IdMap<ChartId, ChartId> chart_root_;
+  IdMap<ChartId, double> area_;
+  std::vector<Chain> chains_;
+};
+
+}  // namespace
+
+RoutePlan plan_routes(const Ground& ground, const std::function<double(const Vec3&)>& size_at) { return Pruner(ground, size_at).run(); }
+
+}  // namespace strata
