@@ -12,7 +12,7 @@ constexpr int kSmoothSweeps = 16;        // staircase to surface: information tr
 constexpr int kFeatureSweeps = 24;
 constexpr int kPolishRounds = 2;
 constexpr double kPolishGoal = 0.4;      // scaled Jacobian the worst hexes are raised to, where possible
-constexpr double kHealthy = 0.3;         // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
+constexpr double kHealthy = 0.15;         // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
 constexpr double kAcceptable = 0.02;     // projections never push a good hex below
 
 }  // namespace

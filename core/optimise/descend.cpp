@@ -39,7 +39,17 @@ bool slide(Workspace& work, VertexId v, const Star& star, const DescentOptions& 
   return false;
 }
 
-// Draws a vertex that is off its ground as far towards it as the star allows, then lets it slide beside it.
+// Newton step on the star's energy plus a spring to the ground whose stiffness is `pull` times the star's own: neighbours feel the pressure and
+// make room before hexes are crushed.
+Vec3 pulled_step(const Star& star, const Vec3& way, const DescentOptions& options) {
+  Vec3 gradient;
+  Mat3 hessian;
+  star.derivatives(Vec3::Zero(), options.eps, options.exponent, gradient, hessian);
+  const double stiffness = options.pull * hessian.trace() / 3;
+  return (hessian + stiffness * Mat3::Identity()).llt().solve(stiffness * way - gradient);
+}
+
+// Draws a vertex that is off its ground towards it: all the way when its hexes stay good, else against the resistance of its star.
 bool draw(Workspace& work, VertexId v, const Star& star, const DescentOptions& options) {
   Foot& foot = work.foot(v);
   const Attachment attachment = work.attachment(v);
@@ -47,17 +57,16 @@ bool draw(Workspace& work, VertexId v, const Star& star, const DescentOptions& o
   const Vec3 way = at.position - work.position(v);
   foot.direction = at.direction;
   foot.hint = at.hint;
-  Vec3 d = Vec3::Zero();
   DescentOptions gently = options;
   gently.floor = options.draw_floor;
-  for (const double fraction : {1.0, 0.75, 0.5, 0.25, 0.125, 0.0625}) {
-    if (!acceptable(star, fraction * way, gently)) continue;
-    d = fraction * way;
-    foot.on_ground = fraction == 1.0;
-    break;
+  Vec3 d = Vec3::Zero();
+  if (acceptable(star, way, gently)) {
+    d = way;
+    foot.on_ground = true;
+  } else {
+    d = pulled_step(star, way, options);
+    for (int i = 0; i < kHalvings && !acceptable(star, d, options); ++i) d *= i + 1 < kHalvings ? 0.5 : 0.0;
   }
-  if (!foot.on_ground && (attachment.hold == Hold::Chart || attachment.hold == Hold::Curve))
-    d = descend(star, freedom_of(attachment.hold, foot.direction), d, options);
   if (d != Vec3::Zero()) work.move(v, star, d);
   return true;  // until it is there, and once more when it just arrived
 }
