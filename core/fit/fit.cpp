@@ -8,11 +8,11 @@
 namespace strata {
 namespace {
 
-constexpr int kSmoothSweeps = 16;        // staircase to surface: information travels a ring a sweep, steps are about a cell deep
-constexpr int kFeatureSweeps = 24;
+constexpr int kSmoothSweeps = 20;        // staircase to surface: information travels a ring a sweep, steps are about a cell deep
+constexpr int kFeatureSweeps = 32;
 constexpr int kPolishRounds = 2;
 constexpr double kPolishGoal = 0.4;      // scaled Jacobian the worst hexes are raised to, where possible
-constexpr double kHealthy = 0.15;         // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
+constexpr double kHealthy = 0.05;         // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
 constexpr double kAcceptable = 0.02;     // projections never push a good hex below
 
 }  // namespace
@@ -24,8 +24,8 @@ FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context) {
   request.ground = &ground;
   OptimiseOptions options;
   options.sweeps = kSmoothSweeps;
+  options.power = 2;
   options.min_scaled_jacobian = kHealthy;
-  options.arrival_sweeps = 0;
   OptimiseResult result = optimise(std::move(mesh), request, options, context);
   return {std::move(result.mesh), result.off_ground, 0};
 }
@@ -35,6 +35,7 @@ FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context) 
   request.ground = &ground;
   OptimiseOptions options;
   options.sweeps = kFeatureSweeps;
+  options.power = 2;
   options.min_scaled_jacobian = kAcceptable;
   OptimiseResult result = optimise(std::move(mesh), request, options, context);
   result = polish(std::move(result.mesh), request, kPolishGoal, kPolishRounds, context);

@@ -16,6 +16,8 @@ constexpr int kFreeingRound = 2;    // from this round on vertices may leave the
 constexpr int kSweeps = 20;
 constexpr double kCalmJacobian = 0.05;
 constexpr double kOnSurface = 1e-9;  // working frame: rounding
+constexpr double kTouching = 1e-8;   // working frame: two boundary vertices so near are taken for one by whoever reads the mesh
+constexpr double kParting = 0.3;     // of the way to the neighbours' centre, to part two vertices that coincide
 constexpr double kFar = 0.25;        // of the local edge
 
 // 1 for every vertex within `rings` hexes of a bad hex.
@@ -90,6 +92,57 @@ void measure_distance(const HexMesh& mesh, const Ground& ground, FitResult& resu
   }
 }
 
+// 1 for boundary vertices that stand on another one: the skin touches itself there, though every hex may be positive.
+IdMap<VertexId, std::uint8_t> coincident_vertices(const HexMesh& mesh) {
+  IdMap<VertexId, std::uint8_t> result(mesh.position.size(), 0);
+  IdMap<VertexId, std::uint8_t> on_skin(mesh.position.size(), 0);
+  for (const QuadVertices& q : mesh.quads)
+    for (VertexId v : q) on_skin[v] = 1;
+  std::vector<VertexId> order;
+  for (VertexId v : on_skin.ids())
+    if (on_skin[v] != 0) order.push_back(v);
+  parallel_sort(order.begin(), order.end(), [&](VertexId a, VertexId b) {
+    const double xa = mesh.position[a].x(), xb = mesh.position[b].x();
+    return xa != xb ? xa < xb : a < b;
+  });
+  parallel_for(order.size(), [&](std::size_t i) {
+    const Vec3& p = mesh.position[order[i]];
+    const auto meets = [&](std::size_t j) { return (mesh.position[order[j]] - p).norm() < kTouching; };
+    for (std::size_t j = i + 1; j < order.size() && mesh.position[order[j]].x() - p.x() < kTouching; ++j)
+      if (meets(j)) result[order[i]] = 1;
+    for (std::size_t j = i; j-- > 0 && p.x() - mesh.position[order[j]].x() < kTouching;)
+      if (meets(j)) result[order[i]] = 1;
+  });
+  return result;
+}
+
+// Pulls vertices that stand on others (a corner's, say, where their curve ends) a little towards their neighbours on the skin, and lets them
+// slide from there. Returns the hexes round them.
+std::vector<HexId> part_coincident(HexMesh& mesh) {
+  const IdMap<VertexId, std::uint8_t> touching = coincident_vertices(mesh);
+  IdMap<VertexId, Vec3> sum(mesh.position.size(), Vec3::Zero());
+  IdMap<VertexId, std::int32_t> count(mesh.position.size(), 0);
+  for (const QuadVertices& q : mesh.quads)
+    for (std::size_t k = 0; k < 4; ++k)
+      for (VertexId n : {q[(k + 1) & 3], q[(k + 3) & 3]}) {
+        sum[q[k]] += mesh.position[n];
+        ++count[q[k]];
+      }
+  for (VertexId v : touching.ids()) {
+    if (touching[v] == 0 || mesh.attachment[v].hold == Hold::Corner) continue;
+    mesh.attachment[v] = {Hold::Chart, kWholeSurface};
+    mesh.position[v] += kParting * (sum[v] / count[v] - mesh.position[v]);
+  }
+  std::vector<HexId> round;
+  for (HexId h : mesh.hexes.ids())
+    for (VertexId v : mesh.hexes[h])
+      if (touching[v] != 0) {
+        round.push_back(h);
+        break;
+      }
+  return round;
+}
+
 }  // namespace
 
 std::vector<HexId> bad_hexes(const HexMesh& mesh) {
@@ -114,7 +167,10 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
   diagnostic.box = box_of(mesh, bad, ground.surface().frame);
   diagnostic.values = {{"hexes", static_cast<double>(bad.size())}};
   std::int64_t features = 0;
-  for (int round = 0; round < kRounds && !bad.empty(); ++round) {
+  for (int round = 0; round < kRounds; ++round) {
+    const std::vector<HexId> parted = part_coincident(mesh);
+    bad.insert(bad.end(), parted.begin(), parted.end());
+    if (bad.empty()) break;
     const int rings = round;
     const IdMap<VertexId, std::uint8_t> near = neighbourhood(mesh, bad, rings);
     const Loosened loosened = loosen(mesh, near, round >= kFreeingRound);

@@ -9,6 +9,7 @@
 namespace strata {
 namespace {
 
+constexpr double kHealthyFloor = 0.2;  // steps straight to the ground may not lead below this scaled Jacobian
 constexpr int kHalvings = 4;       // of a Newton step before it is given up
 constexpr double kLeastGain = 1e-10;  // relative fall of the energy that counts
 
@@ -49,6 +50,14 @@ Vec3 pulled_step(const Star& star, const Vec3& way, const DescentOptions& option
   return (hessian + stiffness * Mat3::Identity()).llt().solve(stiffness * way - gradient);
 }
 
+// The part of the way to the ground that leaves hexes healthy; 0: none.
+double healthy_fraction(const Star& star, const Vec3& way, DescentOptions options) {
+  options.floor = std::max(options.draw_floor, kHealthyFloor);
+  for (const double fraction : {0.75, 0.5, 0.25})
+    if (acceptable(star, fraction * way, options)) return fraction;
+  return 0;
+}
+
 // Draws a vertex that is off its ground towards it: all the way when its hexes stay good, else against the resistance of its star.
 bool draw(Workspace& work, VertexId v, const Star& star, const DescentOptions& options) {
   Foot& foot = work.foot(v);
@@ -60,13 +69,14 @@ bool draw(Workspace& work, VertexId v, const Star& star, const DescentOptions& o
   DescentOptions gently = options;
   gently.floor = options.draw_floor;
   Vec3 d = Vec3::Zero();
-  if (acceptable(star, way, gently)) {
-    d = way;
-    foot.on_ground = true;
-  } else {
-    d = pulled_step(star, way, options);
-    for (int i = 0; i < kHalvings && !acceptable(star, d, options); ++i) d *= i + 1 < kHalvings ? 0.5 : 0.0;
+  for (const double fraction : {1.0, 0.75, 0.5, 0.25, 0.125, 0.0625}) {
+    if (!acceptable(star, fraction * way, gently)) continue;
+    d = fraction * way;
+    foot.on_ground = fraction == 1.0;
+    break;
   }
+  if (!foot.on_ground && (attachment.hold == Hold::Chart || attachment.hold == Hold::Curve))
+    d = descend(star, freedom_of(attachment.hold, foot.direction), d, options);
   if (d != Vec3::Zero()) work.move(v, star, d);
   return true;  // until it is there, and once more when it just arrived
 }
