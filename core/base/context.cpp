@@ -2,6 +2,7 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace strata {
@@ -34,6 +35,7 @@ void Context::begin(Stage stage) {
   started_ = std::chrono::steady_clock::now();
   cpu_started_ = process_cpu_seconds();
   last_.stage = stage;
+  last_.stage_fraction = 0;
   progress(0);
 }
 
@@ -46,7 +48,8 @@ void Context::end() {
 
 void Context::progress(double stage_fraction, std::int64_t cells) {
   checkpoint();
-  last_.stage_fraction = stage_fraction;
+  // A stage that tries again reports its first steps again: what watchers see only rises.
+  last_.stage_fraction = std::max(last_.stage_fraction, std::min(stage_fraction, 1.0));
   if (cells > 0) last_.cells = cells;
   if (on_progress_) on_progress_(last_);
 }

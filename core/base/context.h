@@ -38,7 +38,7 @@ class Context {
   void begin(Stage stage);
   // Ends the current stage and closes its record.
   void end();
-  // Reports progress inside the stage; a checkpoint too. Call from the pipeline's thread.
+  // Reports progress inside the stage, never less than before; a checkpoint too. Call from the pipeline's thread.
   void progress(double stage_fraction, std::int64_t cells = 0);
   // Throws MeshError(Cancelled) when the run was cancelled. Cheap; callable from any thread.
   void checkpoint() const;

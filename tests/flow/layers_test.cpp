@@ -1,0 +1,116 @@
+// The whole door with boundary layers: counts, heights, endings, and what the report says of them.
+#include <algorithm>
+
+#include "tests/flow/flow.h"
+
+namespace strata::testing {
+namespace {
+
+using namespace test;  // shapes
+
+constexpr double kHeightTolerance = 0.02;
+
+void expect_layers_as_wished(const Outcome& outcome, const std::vector<std::string>& patches, int count, double first_height) {
+  for (const std::string& name : patches) {
+    const PatchStatistics& p = patch(outcome, name);
+    EXPECT_EQ(p.layers_wished, count) << name;
+    EXPECT_NEAR(p.first_height_wished, first_height, 1e-9 * first_height) << name;
+    EXPECT_NEAR(p.first_height_mean, first_height, kHeightTolerance * first_height) << name;
+    EXPECT_GT(p.coverage, 0.999) << name;
+  }
+}
+int layers_counted(const Outcome& outcome) {
+  return *std::max_element(outcome.mesh.layer.begin(), outcome.mesh.layer.end());
+}
+
+const std::vector<std::string> kSides{"x_min", "x_max", "y_min", "y_max", "z_min", "z_max"};
+
+TEST(FlowLayers, OnAWholeCubeTheyHaveOneColumnAQuad) {
+  const double height = 0.004;
+  const int n = 3;
+  const Outcome outcome = run(cube(4), with_layers(sized(0.1), layers_of({"*"}, n, height, Ending::Regular)));
+  expect_sound(outcome);
+  EXPECT_EQ(layer_hexes(outcome), n * quads_of(outcome, kSides));
+  EXPECT_EQ(layers_counted(outcome), n);
+  EXPECT_NEAR(meshed_volume(outcome), 1, 1e-6);
+  expect_layers_as_wished(outcome, kSides, n, height);
+}
+
+TEST(FlowLayers, OnASphereTheyHaveOneColumnAQuad) {
+  const double height = 0.01;
+  const int n = 4;
+  const Outcome outcome = run(sphere(4), with_layers(sized(0.16), layers_of({"sphere"}, n, height)));
+  expect_sound(outcome);
+  EXPECT_EQ(layer_hexes(outcome), n * quads_of(outcome, {"sphere"}));
+  expect_layers_as_wished(outcome, {"sphere"}, n, height);
+}
+
+TEST(FlowLayers, RoundASphereInABoxTheyStandOnTheSphereOnly) {
+  MeshSpec spec = sized(0.4);
+  spec.sizing.patches.push_back({{"sphere"}, 0.12});
+  spec.volume = {VolumeMode::Points, {Vec3(1.5, 1.5, 1.5)}};
+  const double height = 0.008;
+  const Outcome outcome = run(sphere_in_box(3, 6), with_layers(spec, layers_of({"sphere"}, 3, height)));
+  expect_sound(outcome);
+  EXPECT_EQ(layer_hexes(outcome), 3 * quads_of(outcome, {"sphere"}));
+  expect_layers_as_wished(outcome, {"sphere"}, 3, height);
+  for (const std::string& name : kSides) EXPECT_EQ(patch(outcome, name).layers_wished, 0) << name;
+}
+
+// The paper's Fig. 7: six situations of layers on a cylinder.
+struct Situation {
+  const char* name;
+  std::vector<std::string> patches;
+  Ending ending;
+};
+void PrintTo(const Situation& situation, std::ostream* out) { *out << situation.name; }
+class CylinderFlow : public ::testing::TestWithParam<Situation> {};
+
+TEST_P(CylinderFlow, EndsAsAskedAndIsValid) {
+  const auto& [name, patches, ending] = GetParam();
+  const TriangleSoup soup = cylinder(64, 2, 8);
+  const double height = 0.01;
+  const int n = 3;
+  const Outcome outcome = run(soup, with_layers(sized(0.2), layers_of(patches, n, height, ending)));
+  expect_sound(outcome);
+  EXPECT_NEAR(meshed_volume(outcome), volume_of(soup), 0.02 * volume_of(soup));
+  expect_patches_kept(outcome, soup, 0.03);
+  expect_layers_as_wished(outcome, patches, n, height);
+  const std::int64_t columns = quads_of(outcome, patches);
+  switch (ending) {
+    case Ending::Imprint: EXPECT_EQ(layer_hexes(outcome), n * columns); break;
+    case Ending::Regular: EXPECT_EQ(layer_hexes(outcome), n * columns); break;
+    // A crossing column belongs to two walls: quads of one wall stand on hexes of the other's layers.
+    case Ending::CrossImprint: EXPECT_LT(layer_hexes(outcome), n * columns); break;
+    case Ending::Wedge:  // columns at the rims end in fewer hexes than layers
+    case Ending::Auto: EXPECT_GT(layer_hexes(outcome), 0); break;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Figure7, CylinderFlow,
+                         ::testing::Values(Situation{"SideWedgesAtCaps", {"side"}, Ending::Wedge},
+                                           Situation{"SideImprintsCaps", {"side"}, Ending::Imprint},
+                                           Situation{"CapsWedgeAtSide", {"cap_bottom", "cap_top"}, Ending::Wedge},
+                                           Situation{"BothCross", {"side", "cap_bottom", "cap_top"}, Ending::CrossImprint},
+                                           Situation{"BothRegular", {"side", "cap_bottom", "cap_top"}, Ending::Regular},
+                                           Situation{"CapsImprintSide", {"cap_bottom", "cap_top"}, Ending::Imprint}),
+                         [](const auto& at) { return at.param.name; });
+
+TEST(FlowLayers, ThatFindNoRoomAreThinnedAndSaidToBe) {
+  const Outcome outcome = run(cube(4), with_layers(sized(0.1), layers_of({"z_min", "z_max"}, 3, 0.3)));
+  expect_sound(outcome);
+  EXPECT_GE(outcome.rung, Rung::LayersThinned);
+  EXPECT_TRUE(std::any_of(outcome.adjustments.begin(), outcome.adjustments.end(), [](const Diagnostic& d) {
+    return d.reason == Reason::LayersThinned || d.reason == Reason::LayersDropped;
+  }));
+  EXPECT_LT(patch(outcome, "z_min").thickness_fraction_mean, 0.9);
+}
+
+TEST(FlowLayers, OfCountZeroChangeNothing) {
+  const Outcome without = run(cube(2), sized(0.15));
+  const Outcome with = run(cube(2), with_layers(sized(0.15), layers_of({"*"}, 0, 0.01)));
+  EXPECT_TRUE(same_bytes(without.mesh, with.mesh));
+}
+
+}  // namespace
+}  // namespace strata::testing

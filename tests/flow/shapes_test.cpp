@@ -1,0 +1,167 @@
+// The whole door on small shapes without layers: valid meshes of the right volume, with patches and features kept.
+#include <random>
+
+#include "tests/flow/flow.h"
+
+namespace strata::testing {
+namespace {
+
+using namespace test;  // shapes
+
+constexpr double kVolumeTolerance = 0.02;
+constexpr double kAreaTolerance = 0.03;
+constexpr double kCornerFraction = 1e-6;  // of the diagonal
+
+void expect_volume(const Outcome& outcome, double wanted) { EXPECT_NEAR(meshed_volume(outcome), wanted, kVolumeTolerance * wanted); }
+void expect_corner(const Outcome& outcome, const Vec3& p, double diagonal) {
+  EXPECT_LT(distance_to_vertices(outcome, p), kCornerFraction * diagonal) << p.transpose();
+}
+// Each side of a border is a polyline between the same ends: never longer than the curve by more than rounding, hardly shorter.
+void expect_border(const Outcome& outcome, const std::string& a, const std::string& b, double length) {
+  EXPECT_NEAR(border_length(outcome, a, b), length, 0.01 * length) << a << " | " << b;
+}
+
+const std::vector<std::string> kBoxSides{"x_min", "x_max", "y_min", "y_max", "z_min", "z_max"};
+
+void expect_box(const Outcome& outcome, const TriangleSoup& soup, const std::array<Vec3, 8>& corners) {
+  expect_sound(outcome);
+  expect_volume(outcome, volume_of(soup));
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  for (const Vec3& p : corners) expect_corner(outcome, p, diagonal_of(soup));
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t j = i + 1; j < 6; ++j)
+      if (i / 2 != j / 2) expect_border(outcome, kBoxSides[i], kBoxSides[j], std::cbrt(volume_of(soup)));
+}
+
+std::array<Vec3, 8> unit_corners(const Mat3& turn = Mat3::Identity()) {
+  std::array<Vec3, 8> p;
+  for (int i = 0; i < 8; ++i) p[static_cast<std::size_t>(i)] = turn * Vec3(i & 1, (i >> 1) & 1, i >> 2);
+  return p;
+}
+
+TEST(Flow, ACubeIsMeshedWithItsCornersEdgesAndSides) {
+  const TriangleSoup soup = cube(4);
+  const Outcome outcome = run(soup, sized(0.1));
+  expect_box(outcome, soup, unit_corners());
+  EXPECT_EQ(outcome.rung, Rung::Full);
+  EXPECT_NEAR(meshed_volume(outcome), 1, 1e-9) << "flat sides are met exactly";
+}
+
+class RotatedCube : public ::testing::TestWithParam<unsigned> {};
+TEST_P(RotatedCube, IsMeshedWithItsCornersEdgesAndSides) {
+  std::mt19937 random(GetParam());
+  std::normal_distribution<double> any;
+  const Vec3 axis(any(random), any(random), any(random));
+  const double angle = any(random);
+  const TriangleSoup soup = rotated(cube(4), axis, angle);
+  const Outcome outcome = run(soup, sized(0.1));
+  expect_box(outcome, soup, unit_corners(Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix()));
+}
+INSTANTIATE_TEST_SUITE_P(Seeds, RotatedCube, ::testing::Values(1U, 2U, 3U, 4U));
+
+TEST(Flow, ASphereIsMeshedWithItsVolume) {
+  const TriangleSoup soup = sphere(4);
+  const Outcome outcome = run(soup, sized(0.16));
+  expect_sound(outcome);
+  expect_volume(outcome, volume_of(soup));
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  EXPECT_EQ(outcome.rung, Rung::Full);
+}
+
+TEST(Flow, ACylinderKeepsItsRims) {
+  const TriangleSoup soup = cylinder(64, 2, 8);
+  const Outcome outcome = run(soup, sized(0.16));
+  expect_sound(outcome);
+  expect_volume(outcome, volume_of(soup));
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  expect_border(outcome, "side", "cap_bottom", 2 * std::numbers::pi);
+  expect_border(outcome, "side", "cap_top", 2 * std::numbers::pi);
+}
+
+TEST(Flow, AnLBlockKeepsItsReentrantEdge) {
+  const TriangleSoup soup = l_block(4);
+  const Outcome outcome = run(soup, sized(0.1));
+  expect_sound(outcome);
+  expect_volume(outcome, 3);
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  expect_border(outcome, "notch_x", "notch_y", 1);
+  for (const double z : {0.0, 1.0})
+    for (const Vec3& p : {Vec3(0, 0, z), Vec3(2, 0, z), Vec3(2, 1, z), Vec3(1, 1, z), Vec3(1, 2, z), Vec3(0, 2, z)})
+      expect_corner(outcome, p, diagonal_of(soup));
+}
+
+TEST(Flow, TheFlowAroundASphereInABoxHasBothBoundaries) {
+  const TriangleSoup soup = sphere_in_box(3, 6);
+  MeshSpec spec = sized(0.35);
+  spec.sizing.patches.push_back({{"sphere"}, 0.1});
+  spec.volume = {VolumeMode::Points, {Vec3(1.5, 1.5, 1.5)}};
+  const Outcome outcome = run(soup, spec);
+  expect_sound(outcome);
+  expect_volume(outcome, 64 - volume_of(scaled(sphere(3), 0.5)));
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  EXPECT_EQ(outcome.quality.regions.size(), 1U);
+}
+
+TEST(Flow, AllRegionsOfTwoNestedSpheresAreMeshedAndConform) {
+  TriangleSoup outer = sphere(4), inner = scaled(sphere(3), 0.5);
+  outer.patch_names = {"outer"};
+  inner.patch_names = {"inner"};
+  const double core = volume_of(inner), all = volume_of(outer);
+  const TriangleSoup soup = joined(outer, inner);
+  MeshSpec spec = sized(0.2);
+  spec.sizing.patches.push_back({{"inner"}, 0.08});
+  const Outcome outcome = run(soup, spec);
+  expect_sound(outcome);
+  ASSERT_EQ(outcome.quality.regions.size(), 2U);
+  std::vector<double> volumes{outcome.quality.regions[0].volume, outcome.quality.regions[1].volume};
+  std::sort(volumes.begin(), volumes.end());
+  EXPECT_NEAR(volumes[0], core, kVolumeTolerance * core);
+  EXPECT_NEAR(volumes[1], all - core, kVolumeTolerance * all);
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+}
+
+TEST(Flow, TwoCubesThatShareASideShareItsQuads) {
+  const TriangleSoup soup = touching_cubes(4);
+  const Outcome outcome = run(soup, sized(0.15));
+  expect_sound(outcome);
+  ASSERT_EQ(outcome.quality.regions.size(), 2U);
+  for (const RegionStatistics& r : outcome.quality.regions) EXPECT_NEAR(r.volume, 1, kVolumeTolerance);
+}
+
+TEST(Flow, ATorusKeepsItsHole) {
+  const TriangleSoup soup = torus(1, 0.4, 64, 32);
+  const Outcome outcome = run(soup, sized(0.1));
+  expect_sound(outcome);
+  expect_volume(outcome, volume_of(soup));
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+}
+
+TEST(Flow, AConeKeepsItsTip) {
+  const TriangleSoup soup = cone(64, 2, 8);
+  const Outcome outcome = run(soup, sized(0.14));
+  expect_sound(outcome);
+  expect_volume(outcome, volume_of(soup));
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  expect_border(outcome, "side", "base", 2 * std::numbers::pi);
+  expect_corner(outcome, Vec3(0, 0, 2), diagonal_of(soup));
+}
+
+TEST(Flow, AWedgeOfFortyDegreesKeepsItsEdge) {
+  const TriangleSoup soup = sharp_wedge(40 * kDegree, 6);
+  const Outcome outcome = run(soup, sized(0.06));
+  expect_sound(outcome);
+  expect_volume(outcome, volume_of(soup));
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  expect_border(outcome, "lower", "upper", 1);
+}
+
+TEST(Flow, AFlatPatchBorderIsKept) {
+  const TriangleSoup soup = two_patches(8);
+  const Outcome outcome = run(soup, sized(0.1));
+  expect_sound(outcome);
+  expect_patches_kept(outcome, soup, kAreaTolerance);
+  expect_border(outcome, "z_max_left", "z_max_right", 1);
+}
+
+}  // namespace
+}  // namespace strata::testing
