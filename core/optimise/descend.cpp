@@ -9,7 +9,6 @@
 namespace strata {
 namespace {
 
-constexpr double kHealthyFloor = 0.2;  // steps straight to the ground may not lead below this scaled Jacobian
 constexpr int kHalvings = 4;       // of a Newton step before it is given up
 constexpr double kLeastGain = 1e-10;  // relative fall of the energy that counts
 
@@ -40,25 +39,7 @@ bool slide(Workspace& work, VertexId v, const Star& star, const DescentOptions& 
   return false;
 }
 
-// Newton step on the star's energy plus a spring to the ground whose stiffness is `pull` times the star's own: neighbours feel the pressure and
-// make room before hexes are crushed.
-Vec3 pulled_step(const Star& star, const Vec3& way, const DescentOptions& options) {
-  Vec3 gradient;
-  Mat3 hessian;
-  star.derivatives(Vec3::Zero(), options.eps, options.exponent, gradient, hessian);
-  const double stiffness = options.pull * hessian.trace() / 3;
-  return (hessian + stiffness * Mat3::Identity()).llt().solve(stiffness * way - gradient);
-}
-
-// The part of the way to the ground that leaves hexes healthy; 0: none.
-double healthy_fraction(const Star& star, const Vec3& way, DescentOptions options) {
-  options.floor = std::max(options.draw_floor, kHealthyFloor);
-  for (const double fraction : {0.75, 0.5, 0.25})
-    if (acceptable(star, fraction * way, options)) return fraction;
-  return 0;
-}
-
-// Draws a vertex that is off its ground towards it: all the way when its hexes stay good, else against the resistance of its star.
+// Draws a vertex that is off its ground as far towards it as the star allows, then lets it slide beside it.
 bool draw(Workspace& work, VertexId v, const Star& star, const DescentOptions& options) {
   Foot& foot = work.foot(v);
   const Attachment attachment = work.attachment(v);

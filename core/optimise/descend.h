@@ -20,7 +20,6 @@ struct DescentOptions {
   double eps = 0;               // regularisation while the star holds a bad hex
   double floor = 0.02;          // smallest scaled Jacobian a move may lead to, from above
   double draw_floor = 0.02;     // the same for steps towards the ground, which pay no heed to the energy
-  double pull = 1;              // stiffness of the spring to the ground, over the star's own
   int steps = 1;                // Newton steps at most; neighbours move too, so one is mostly enough
 };
 

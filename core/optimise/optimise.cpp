@@ -15,9 +15,6 @@ namespace {
 
 constexpr int kUntangleSweeps = 60;   // at most, before the sweeps asked for; each touches only the surroundings of bad hexes
 constexpr int kLooseSweeps = 40;
-constexpr double kFirstPull = 0.5;    // stiffness of the springs that draw held vertices, over the resistance of their hexes
-constexpr double kPullGrowth = 1.3;   // from sweep to sweep
-constexpr double kLastPull = 10;
 
 // Exponent on u = (mean ratio)^(3/2).
 int exponent_of(double power) { return std::clamp(static_cast<int>(std::lround(power / 1.5)), 1, 12); }
@@ -77,7 +74,6 @@ OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const Opti
           descent.exponent = star.all_sound() ? exponent_of(options.power) : 1;
           descent.eps = regularisation(star, 20 + sweep);
           descent.floor = std::max(gentle, options.min_scaled_jacobian);
-          descent.pull = std::min(kFirstPull * std::pow(kPullGrowth, sweep), kLastPull);
           descent.draw_floor = std::max(gentle, options.min_scaled_jacobian);
           return visit(work, v, star, descent, options.project);
         },
