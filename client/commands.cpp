@@ -39,7 +39,8 @@ void set_deadline(grpc::ClientContext& context, std::chrono::seconds limit = kCa
 
 // Calls a unary method, again while the server is away.
 template <class Request, class Response, class Method>
-Response call(const Method& method, const Request& request, const GlobalOptions& global, const std::string& doing, std::chrono::seconds limit = kCallLimit) {
+Response call(const Method& method, const Request& request, const GlobalOptions& global, const std::string& doing,
+              std::chrono::seconds limit = kCallLimit) {
   Backoff backoff(global.retries);
   for (;;) {
     grpc::ClientContext context;
@@ -90,17 +91,20 @@ void need_readable(const std::string& path, const char* what) {
 void need_writable_folder(const std::string& path) {
   const fs::path folder = fs::absolute(path).parent_path();
   std::error_code error;
-  if (!fs::is_directory(folder, error)) throw CommandError(ExitCode::LocalIo, "there is no folder '" + folder.string() + "' to write '" + path + "' to");
+  if (!fs::is_directory(folder, error))
+    throw CommandError(ExitCode::LocalIo, "there is no folder '" + folder.string() + "' to write '" + path + "' to");
 }
 
 v1::Surface upload_surface(Connection& connection, const std::string& path, const GlobalOptions& global, ProgressView& view) {
   v1::Surface surface;
   surface.set_file_name(fs::path(path).filename().string());
-  surface.set_blob_id(upload(connection, path, global.retries, [&](std::int64_t done, std::int64_t total) { view.transfer("uploading " + path, done, total); }));
+  surface.set_blob_id(upload(connection, path, global.retries,
+                             [&](std::int64_t done, std::int64_t total) { view.transfer("uploading " + path, done, total); }));
   return surface;
 }
 
-v1::Job create(Connection& connection, const GlobalOptions& global, const MeshOptions& options, const std::vector<v1::OutputFormat>& outputs, ProgressView& view) {
+v1::Job create(Connection& connection, const GlobalOptions& global, const MeshOptions& options,
+               const std::vector<v1::OutputFormat>& outputs, ProgressView& view) {
   v1::CreateJobRequest request;
   request.set_request_id(random_id());
   if (!options.spec.empty()) request.set_spec_json(text_of(options.spec, "the specification"));
@@ -119,16 +123,20 @@ v1::Job get_job(Connection& connection, const GlobalOptions& global, const std::
   return call<v1::GetJobRequest, v1::GetJobResponse>(method, request, global, "asking for job " + id).job();
 }
 
-void fetch(Connection& connection, const GlobalOptions& global, const v1::Job& job, v1::OutputFormat format, const std::string& path, ProgressView& view) {
+void fetch(Connection& connection, const GlobalOptions& global, const v1::Job& job, v1::OutputFormat format, const std::string& path,
+           ProgressView& view) {
   for (const v1::Artifact& artifact : job.artifacts()) {
     if (artifact.format() != format) continue;
-    download(connection, artifact.blob(), path, global.retries, [&](std::int64_t done, std::int64_t total) { view.transfer("downloading " + path, done, total); });
+    download(connection, artifact.blob(), path, global.retries,
+             [&](std::int64_t done, std::int64_t total) { view.transfer("downloading " + path, done, total); });
     view.clear();
     return;
   }
   std::string there;
-  for (const v1::Artifact& artifact : job.artifacts()) there += " " + lower_name(v1::OutputFormat_Name(artifact.format()), "OUTPUT_FORMAT_");
-  throw CommandError(ExitCode::NotFound, "job " + job.job_id() + " has no result in the format of '" + path + "'", there.empty() ? "it has no results" : "it has:" + there);
+  for (const v1::Artifact& artifact : job.artifacts())
+    there += " " + lower_name(v1::OutputFormat_Name(artifact.format()), "OUTPUT_FORMAT_");
+  throw CommandError(ExitCode::NotFound, "job " + job.job_id() + " has no result in the format of '" + path + "'",
+                     there.empty() ? "it has no results" : "it has:" + there);
 }
 
 void need_success(const v1::Job& job) {
@@ -147,7 +155,8 @@ void print_jobs_table(const std::vector<v1::Job>& jobs) {
   std::printf("%-26s  %-9s  %5s  %12s  %s\n", "JOB", "STATE", "DONE", "HEXES", "NAME");
   for (const v1::Job& job : jobs)
     std::printf("%-26s  %-9s  %3.0f %%  %12lld  %s\n", job.job_id().c_str(), state_name(job.state()).c_str(),
-                100 * (job.state() == v1::JOB_STATE_SUCCEEDED ? 1.0 : job.progress().fraction()), static_cast<long long>(job.hexes()), printable(job.display_name()).c_str());
+                100 * (job.state() == v1::JOB_STATE_SUCCEEDED ? 1.0 : job.progress().fraction()), static_cast<long long>(job.hexes()),
+                printable(job.display_name()).c_str());
   std::fflush(stdout);
 }
 
@@ -171,8 +180,8 @@ CommandError ended_early(Connection& connection, const MeshOptions& options, con
     return {why.code(), what + "; job " + job_id + " was cancelled"};
   }
   return {why.code(), what + "; job " + job_id + " stays with the server",
-          "come back with: strata watch " + job_id + " --server " + connection.address + "\n  then:           strata get " + job_id + " -o " + options.out +
-              " --server " + connection.address};
+          "come back with: strata watch " + job_id + " --server " + connection.address + "\n  then:           strata get " + job_id +
+              " -o " + options.out + " --server " + connection.address};
 }
 
 void cancel_job(Connection& connection, const GlobalOptions& global, const std::string& id) {
@@ -239,7 +248,8 @@ void check(const GlobalOptions& global, const MeshOptions& options) {
   *request.mutable_surface() = upload_surface(connection, options.surface, global, view);
   view.clear();
   const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->ValidateJob(context, r, response); };
-  const auto answer = call<v1::ValidateJobRequest, v1::ValidateJobResponse>(method, request, global, "checking " + options.surface, kCheckLimit);
+  const auto answer =
+      call<v1::ValidateJobRequest, v1::ValidateJobResponse>(method, request, global, "checking " + options.surface, kCheckLimit);
   if (global.output == Output::Json) {
     std::cout << as_json(answer) << '\n';
   } else {
@@ -250,8 +260,9 @@ void check(const GlobalOptions& global, const MeshOptions& options) {
     std::cout << std::endl;
     const v1::Estimate& e = answer.estimate();
     if (answer.acceptable())
-      std::printf("triangles  %lld\nhexes      about %lld\nmemory     about %.0f MB\ntime       about %.1f CPU s\n", static_cast<long long>(e.triangles()), static_cast<long long>(e.hexes()),
-                  1e-6 * static_cast<double>(e.memory_bytes()), e.cpu_seconds());
+      std::printf("triangles  %lld\nhexes      about %lld\nmemory     about %.0f MB\ntime       about %.1f CPU s\n",
+                  static_cast<long long>(e.triangles()), static_cast<long long>(e.hexes()), 1e-6 * static_cast<double>(e.memory_bytes()),
+                  e.cpu_seconds());
   }
   std::cout.flush();
   if (!answer.acceptable()) throw CommandError(ExitCode::InputRejected, "the server would refuse this", "mend what is listed above");
@@ -270,7 +281,8 @@ void watch_jobs(const GlobalOptions& global, const JobOptions& options) {
     } catch (const CommandError& error) {
       view.clear();
       if (!stopped()) throw;
-      throw CommandError(error.code(), std::string(error.what()) + "; job " + id + " goes on", "come back with: strata watch " + id + " --server " + connection.address);
+      throw CommandError(error.code(), std::string(error.what()) + "; job " + id + " goes on",
+                         "come back with: strata watch " + id + " --server " + connection.address);
     }
     need_success(job);
     if (!json && !global.quiet) std::cerr << summary(job);
@@ -292,7 +304,8 @@ void get(const GlobalOptions& global, const JobOptions& options) {
   Connection connection = connect(global, PrivateServerAllowed::No);
   const v1::Job job = get_job(connection, global, options.jobs.front());
   if (job.state() == v1::JOB_STATE_QUEUED || job.state() == v1::JOB_STATE_RUNNING)
-    throw CommandError(ExitCode::NotFound, "job " + job.job_id() + " has not ended (" + state_name(job.state()) + ")", "strata wait " + job.job_id());
+    throw CommandError(ExitCode::NotFound, "job " + job.job_id() + " has not ended (" + state_name(job.state()) + ")",
+                       "strata wait " + job.job_id());
   need_success(job);
   ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
   fetch(connection, global, job, format, options.out, view);
@@ -305,7 +318,8 @@ void list(const GlobalOptions& global, const JobOptions& options) {
     std::string name = "JOB_STATE_" + state;
     std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
     v1::JobState value;
-    if (!v1::JobState_Parse(name, &value)) throw CommandError(ExitCode::Usage, "there is no state '" + state + "'", "queued, running, succeeded, failed or cancelled");
+    if (!v1::JobState_Parse(name, &value))
+      throw CommandError(ExitCode::Usage, "there is no state '" + state + "'", "queued, running, succeeded, failed or cancelled");
     request.add_states(value);
   }
   Connection connection = connect(global, PrivateServerAllowed::No);
@@ -328,9 +342,13 @@ void show(const GlobalOptions& global, const JobOptions& options) {
       std::cout << as_json(job) << '\n';
       continue;
     }
-    std::cout << "job        " << job.job_id() << "  " << printable(job.display_name()) << "\nstate      " << state_name(job.state()) << '\n';
-    if (job.state() == v1::JOB_STATE_RUNNING) std::printf("stage      %s, %.0f %%\n", stage_name(job.progress().stage()).c_str(), 100 * job.progress().fraction()), std::fflush(stdout);
-    if (job.has_error()) std::cout << "error      " << (job.error().has_diagnostic() ? describe(job.error().diagnostic()) : job.error().message()) << '\n';
+    std::cout << "job        " << job.job_id() << "  " << printable(job.display_name()) << "\nstate      " << state_name(job.state())
+              << '\n';
+    if (job.state() == v1::JOB_STATE_RUNNING)
+      std::printf("stage      %s, %.0f %%\n", stage_name(job.progress().stage()).c_str(), 100 * job.progress().fraction()),
+          std::fflush(stdout);
+    if (job.has_error())
+      std::cout << "error      " << (job.error().has_diagnostic() ? describe(job.error().diagnostic()) : job.error().message()) << '\n';
     if (job.state() == v1::JOB_STATE_SUCCEEDED) std::cout << summary(job);
     for (const auto& a : job.adjustments()) std::cout << "note       " << describe(a) << '\n';
   }
@@ -354,22 +372,28 @@ void remove(const GlobalOptions& global, const JobOptions& options) {
 
 void server_status(const GlobalOptions& global) {
   Connection connection = connect(global, PrivateServerAllowed::No);
-  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.system->GetServerStatus(context, r, response); };
+  const auto method = [&](auto* context, const auto& r, auto* response) {
+    return connection.system->GetServerStatus(context, r, response);
+  };
   const auto status = call<v1::GetServerStatusRequest, v1::GetServerStatusResponse>(method, {}, global, "asking the server");
   if (global.output == Output::Json) {
     std::cout << as_json(status) << '\n';
     return;
   }
-  std::printf("server     %s%s\nrunning    %d\nqueued     %d\njobs       %lld\nmemory     %.0f MB\n", connection.address.c_str(), status.draining() ? " (draining)" : "", status.running_jobs(),
-              status.queued_jobs(), static_cast<long long>(status.jobs_total()), 1e-6 * static_cast<double>(status.resident_memory_bytes()));
+  std::printf("server     %s%s\nrunning    %d\nqueued     %d\njobs       %lld\nmemory     %.0f MB\n", connection.address.c_str(),
+              status.draining() ? " (draining)" : "", status.running_jobs(), status.queued_jobs(),
+              static_cast<long long>(status.jobs_total()), 1e-6 * static_cast<double>(status.resident_memory_bytes()));
 }
 
 void version(const GlobalOptions& global, bool of_server) {
   std::cout << "strata " << kVersion << std::endl;
   if (!of_server) return;
   Connection connection = connect(global, PrivateServerAllowed::Yes);
-  const auto method = [&](auto* context, const auto& r, auto* response) { return connection.system->GetCapabilities(context, r, response); };
-  std::cout << "stratad " << call<v1::GetCapabilitiesRequest, v1::GetCapabilitiesResponse>(method, {}, global, "asking the server").version() << '\n';
+  const auto method = [&](auto* context, const auto& r, auto* response) {
+    return connection.system->GetCapabilities(context, r, response);
+  };
+  std::cout << "stratad "
+            << call<v1::GetCapabilitiesRequest, v1::GetCapabilitiesResponse>(method, {}, global, "asking the server").version() << '\n';
 }
 
 }  // namespace strata::client

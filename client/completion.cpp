@@ -19,7 +19,8 @@ std::string bash(const CLI::App& app) {
   out << "_strata() {\n  local words=\"" << words(app) << "\"\n  case \"${COMP_WORDS[1]}\" in\n";
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
     out << "    " << command->get_name() << ") words=\"" << words(*command) << words(app) << "\" ;;\n";
-  out << "  esac\n  COMPREPLY=($(compgen -W \"$words\" -- \"${COMP_WORDS[COMP_CWORD]}\") $(compgen -f -- \"${COMP_WORDS[COMP_CWORD]}\"))\n}\n"
+  out << "  esac\n  COMPREPLY=($(compgen -W \"$words\" -- \"${COMP_WORDS[COMP_CWORD]}\") $(compgen -f -- "
+         "\"${COMP_WORDS[COMP_CWORD]}\"))\n}\n"
       << "complete -o filenames -F _strata strata\n";
   return out.str();
 }

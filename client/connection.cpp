@@ -50,8 +50,7 @@ std::string read_file(const std::string& path) {
 
 std::string pem(const std::string& path, const char* what) {
   std::string text = read_file(path);
-  if (text.empty())
-    throw CommandError(ExitCode::Usage, std::string(what) + " '" + path + "' cannot be read or is empty");
+  if (text.empty()) throw CommandError(ExitCode::Usage, std::string(what) + " '" + path + "' cannot be read or is empty");
   return text;
 }
 
@@ -90,8 +89,8 @@ PrivateServer::PrivateServer(int threads) {
                        "set TMPDIR to a directory that can be written");
   directory_ = pattern;
   address_ = "unix:" + directory_ + "/socket";
-  std::vector<std::string> words{server_binary(), "--listen", address_, "--data", directory_ + "/data", "--slots", "1",
-                                 "--drain-timeout", "0", "--exit-with-parent"};
+  std::vector<std::string> words{server_binary(), "--listen", address_,          "--data", directory_ + "/data",
+                                 "--slots",       "1",        "--drain-timeout", "0",      "--exit-with-parent"};
   if (threads > 0) {
     words.emplace_back("--threads");
     words.push_back(std::to_string(threads));
@@ -169,8 +168,7 @@ Connection connect(const GlobalOptions& options, PrivateServerAllowed may_start)
   if (!options.server_name.empty()) arguments.SetSslTargetNameOverride(options.server_name);
   connection.channel = grpc::CreateCustomChannel(connection.address, credentials(options), arguments);
   if (!wait_until_ready(*connection.channel, connection.own.get(), options.retries)) {
-    if (connection.own)
-      throw CommandError(ExitCode::Unreachable, "the private stratad did not start:\n" + connection.own->log());
+    if (connection.own) throw CommandError(ExitCode::Unreachable, "the private stratad did not start:\n" + connection.own->log());
     throw CommandError(ExitCode::Unreachable, "no answer from the server at " + connection.address,
                        "check the address, and that stratad runs: strata server status --server " + connection.address);
   }

@@ -1,9 +1,9 @@
 // The way to a server: one that runs somewhere, or a private one for the time of the command.
 #pragma once
 
+#include <sys/types.h>
 #include <memory>
 #include <string>
-#include <sys/types.h>
 
 #include "client/options.h"
 #include "strata/v1/blob.grpc.pb.h"

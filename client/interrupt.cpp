@@ -33,14 +33,15 @@ bool out_of_time() {
 }  // namespace
 
 void catch_signals() {
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = remember;
   for (int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
 }
 
 void limit_command(double seconds) {
   if (seconds > 0)
-    end_of_time = (Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds))).time_since_epoch().count();
+    end_of_time =
+        (Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds))).time_since_epoch().count();
 }
 
 int interrupted_by() { return first_signal; }
@@ -53,7 +54,8 @@ void go_on() {
 }
 
 CallGuard::CallGuard(grpc::ClientContext& context, std::chrono::seconds silence)
-    : heard_(Clock::now().time_since_epoch().count()), thread_([this, &context, silence](const std::stop_token& end) { guard(end, context, silence); }) {}
+    : heard_(Clock::now().time_since_epoch().count()),
+      thread_([this, &context, silence](const std::stop_token& end) { guard(end, context, silence); }) {}
 
 void CallGuard::heard() { heard_ = Clock::now().time_since_epoch().count(); }
 
@@ -71,8 +73,7 @@ bool Backoff::pause() {
   // Jitter, so that many clients do not come back together.
   const auto until = Clock::now() + next_ * std::uniform_int_distribution<>(75, 125)(random_) / 100;
   next_ = std::min(2 * next_, kLongest);
-  for (go_on(); Clock::now() < until; go_on())
-    std::this_thread::sleep_for(std::min<Clock::duration>(kLook, until - Clock::now()));
+  for (go_on(); Clock::now() < until; go_on()) std::this_thread::sleep_for(std::min<Clock::duration>(kLook, until - Clock::now()));
   return true;
 }
 

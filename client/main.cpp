@@ -24,12 +24,20 @@ const std::map<std::string, Output> kOutputs{{"table", Output::Table}, {"json", 
 
 void add_global(CLI::App& app, GlobalOptions& global, std::string& output) {
   app.set_version_flag("--version", std::string("strata ") + kVersion, "Print the version and exit");
-  app.add_option("--server", global.server, "Address of stratad: host:port or unix:/path. Default: a private server for the time of the command")->type_name("ADDRESS")->envname("STRATA_SERVER");
-  app.add_option("--tls-ca", global.tls_ca, "CA certificate (PEM) to verify the server with; turns TLS on")->envname("STRATA_TLS_CA")->check(CLI::ExistingFile);
+  app.add_option("--server", global.server,
+                 "Address of stratad: host:port or unix:/path. Default: a private server for the time of the command")
+      ->type_name("ADDRESS")
+      ->envname("STRATA_SERVER");
+  app.add_option("--tls-ca", global.tls_ca, "CA certificate (PEM) to verify the server with; turns TLS on")
+      ->envname("STRATA_TLS_CA")
+      ->check(CLI::ExistingFile);
   app.add_option("--tls-cert", global.tls_cert, "Client certificate (PEM)")->envname("STRATA_TLS_CERT")->check(CLI::ExistingFile);
   app.add_option("--tls-key", global.tls_key, "Key of the client certificate (PEM)")->envname("STRATA_TLS_KEY")->check(CLI::ExistingFile);
-  app.add_option("--server-name", global.server_name, "Name in the server's certificate, when it differs from the address")->type_name("NAME");
-  app.add_option("--timeout", global.timeout_seconds, "Seconds the command may take; a job on a server goes on")->envname("STRATA_TIMEOUT")->check(CLI::NonNegativeNumber);
+  app.add_option("--server-name", global.server_name, "Name in the server's certificate, when it differs from the address")
+      ->type_name("NAME");
+  app.add_option("--timeout", global.timeout_seconds, "Seconds the command may take; a job on a server goes on")
+      ->envname("STRATA_TIMEOUT")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--retry", global.retries, "Tries without progress before giving up")->capture_default_str()->check(CLI::Range(0, 1000));
   app.add_option("-o,--output-format", output, "Form of the output")->check(CLI::IsMember({"table", "json", "name"}))->type_name("FORM");
   app.add_flag("-q,--quiet", global.quiet, "Errors only");
@@ -44,7 +52,8 @@ CLI::App* job_command(CLI::App& app, const std::string& name, const std::string&
 
 void print_error(const CommandError& error, const GlobalOptions& global) {
   if (global.output == Output::Json) {
-    nlohmann::json j{{"code", static_cast<int>(error.code())}, {"reason", error.reason()}, {"message", error.what()}, {"hint", error.hint()}};
+    nlohmann::json j{
+        {"code", static_cast<int>(error.code())}, {"reason", error.reason()}, {"message", error.what()}, {"hint", error.hint()}};
     j["details"] = error.details().empty() ? nlohmann::json::array() : nlohmann::json::parse(error.details());
     std::cerr << safe_dump(j) << '\n';
     return;
@@ -59,8 +68,7 @@ int complain(const CLI::App& app, const CLI::ParseError& error) {
   const std::vector<std::string> left = app.remaining();
   if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError) && app.get_subcommands().empty() && !left.empty())
     std::cerr << "there is no command '" << printable(left.front()) << "'\n";
-  else
-    std::cerr << printable(error.what()) << '\n';
+  else std::cerr << printable(error.what()) << '\n';
   std::cerr << "  strata --help lists the commands, strata COMMAND --help their options\n";
   return static_cast<int>(ExitCode::Usage);
 }
@@ -85,17 +93,23 @@ int run(int argc, char** argv) {
   CLI::App* mesh_command = app.add_subcommand("mesh", "Mesh a surface: upload, run, watch, download, verify");
   surface_and_spec(mesh_command);
   mesh_command->add_option("-o,--out", meshing.out, "Mesh to write: .vtu, .vtk, .mesh or .meshb")->required()->type_name("FILE");
-  mesh_command->add_option("--report", meshing.report, "Report to write (JSON): patches, quality, stages, where the mesh differs from the wish")->type_name("FILE");
+  mesh_command
+      ->add_option("--report", meshing.report, "Report to write (JSON): patches, quality, stages, where the mesh differs from the wish")
+      ->type_name("FILE");
   mesh_command->add_option("--layers-out", meshing.layers_out, "Layer of each hex, beside a Medit mesh: .sol or .solb")->type_name("FILE");
   mesh_command->add_flag("--cancel-on-exit", meshing.cancel_on_exit, "Ctrl-C cancels the job on a server that goes on");
   CLI::App* submit_command = app.add_subcommand("submit", "Upload and queue; prints the job id");
   surface_and_spec(submit_command);
-  submit_command->add_option("--format", meshing.formats, "Results to make; default: vtu,meshb")->delimiter(',')->check(CLI::IsMember({"vtu", "vtk", "mesh", "meshb", "sol", "solb"}));
+  submit_command->add_option("--format", meshing.formats, "Results to make; default: vtu,meshb")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"vtu", "vtk", "mesh", "meshb", "sol", "solb"}));
   CLI::App* check_command = app.add_subcommand("check", "Say what is wrong with a surface and a specification, and what a run would cost");
   surface_and_spec(check_command);
   CLI::App* watch_command = job_command(app, "watch", "Follow jobs to their end", jobs);
   CLI::App* wait_command = job_command(app, "wait", "Wait in silence for jobs to end", jobs);
-  wait_command->add_option("--for", wait_for, "What counts as success: succeeded, or ended, which failing and cancelling is too")->check(CLI::IsMember({"succeeded", "ended"}))->capture_default_str();
+  wait_command->add_option("--for", wait_for, "What counts as success: succeeded, or ended, which failing and cancelling is too")
+      ->check(CLI::IsMember({"succeeded", "ended"}))
+      ->capture_default_str();
   CLI::App* get_command = job_command(app, "get", "Download a result; run again to continue a broken download", jobs);
   get_command->get_option("JOB")->expected(1);
   get_command->add_option("-o,--out", jobs.out, "File to write")->required()->type_name("FILE");
@@ -115,7 +129,8 @@ int run(int argc, char** argv) {
   CLI::App* completion_command = app.add_subcommand("completion", "Shell completion: source <(strata completion bash)");
   completion_command->add_option("SHELL", shell, "bash, zsh or fish")->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
 
-  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) command->footer("strata --help lists the options of every command: --server, --output-format ...");
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; }))
+    command->footer("strata --help lists the options of every command: --server, --output-format ...");
 
   try {
     app.parse(argc, argv);

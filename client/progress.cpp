@@ -54,7 +54,8 @@ void ProgressView::transfer(const std::string& what, std::int64_t done, std::int
   if (style_ != Style::Block) return;
   headline_ = what;
   const double fraction = total > 0 ? static_cast<double>(done) / static_cast<double>(total) : 0.0;
-  bar_ = bar(fraction) + format(" %3.0f %%  %.1f of %.1f MB", 100 * fraction, 1e-6 * static_cast<double>(done), 1e-6 * static_cast<double>(total));
+  bar_ = bar(fraction) +
+         format(" %3.0f %%  %.1f of %.1f MB", 100 * fraction, 1e-6 * static_cast<double>(done), 1e-6 * static_cast<double>(total));
   draw(false);
 }
 
@@ -77,11 +78,13 @@ void ProgressView::progress(const v1::Progress& p) {
 
 void ProgressView::stage_ended(const v1::StageRecord& record) {
   if (style_ != Style::Lines) return;
-  std::cerr << format("%-16s %8.2f s  %7.0f MB\n", stage_name(record.stage()).c_str(), record.seconds(), 1e-6 * static_cast<double>(record.peak_memory_bytes()));
+  std::cerr << format("%-16s %8.2f s  %7.0f MB\n", stage_name(record.stage()).c_str(), record.seconds(),
+                      1e-6 * static_cast<double>(record.peak_memory_bytes()));
 }
 
 void ProgressView::quality(const v1::Quality& q) {
-  quality_ = format("scaled Jacobian min %.3f mean %.3f over %lld hexes", q.all().min(), q.all().mean(), static_cast<long long>(q.all().count()));
+  quality_ =
+      format("scaled Jacobian min %.3f mean %.3f over %lld hexes", q.all().min(), q.all().mean(), static_cast<long long>(q.all().count()));
   draw(true);
 }
 

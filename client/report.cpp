@@ -25,7 +25,11 @@ json to_json(const v1::JacobianStatistics& s) {
 }
 
 json to_json(const v1::PatchStatistics& p) {
-  json j{{"name", p.name()}, {"reference", p.reference()}, {"quads", p.quads()}, {"area", p.area()}, {"scaled_jacobian", to_json(p.jacobian())}};
+  json j{{"name", p.name()},
+         {"reference", p.reference()},
+         {"quads", p.quads()},
+         {"area", p.area()},
+         {"scaled_jacobian", to_json(p.jacobian())}};
   if (p.layers_wished() > 0)
     j["layers"] = {{"wished", p.layers_wished()},
                    {"first_height_wished", p.first_height_wished()},
@@ -39,7 +43,8 @@ json to_json(const v1::PatchStatistics& p) {
 json to_json(const v1::Quality& q) {
   json regions = json::array(), patches = json::array();
   for (const auto& r : q.regions())
-    regions.push_back({{"reference", r.reference()}, {"hexes", r.hexes()}, {"volume", r.volume()}, {"scaled_jacobian", to_json(r.jacobian())}});
+    regions.push_back(
+        {{"reference", r.reference()}, {"hexes", r.hexes()}, {"volume", r.volume()}, {"scaled_jacobian", to_json(r.jacobian())}});
   for (const auto& p : q.patches()) patches.push_back(to_json(p));
   return {{"scaled_jacobian", {{"all", to_json(q.all())}, {"layers", to_json(q.layers())}, {"rest", to_json(q.rest())}}},
           {"regions", regions},
@@ -71,7 +76,10 @@ json report(const v1::Job& job) {
   json patches = json::object(), stages = json::array(), adjustments = json::array();
   for (const auto& p : job.patches()) patches[p.name()] = p.reference();
   for (const auto& s : job.stages())
-    stages.push_back({{"stage", stage_name(s.stage())}, {"seconds", s.seconds()}, {"cpu_seconds", s.cpu_seconds()}, {"peak_memory_bytes", s.peak_memory_bytes()}});
+    stages.push_back({{"stage", stage_name(s.stage())},
+                      {"seconds", s.seconds()},
+                      {"cpu_seconds", s.cpu_seconds()},
+                      {"peak_memory_bytes", s.peak_memory_bytes()}});
   for (const auto& a : job.adjustments()) adjustments.push_back(to_json(a));
   return {{"job", job.job_id()},
           {"generator", job.generator()},
@@ -112,12 +120,15 @@ std::string summary(const v1::Job& job) {
   const auto number = [](std::int64_t n) { return static_cast<long long>(n); };
   const v1::Quality& q = job.quality();
   line("hexes      %lld, %lld of them in layers", number(job.hexes()), number(job.layer_hexes()));
-  line("quality    scaled Jacobian min %.4f mean %.4f (layers %.4f %.4f, rest %.4f %.4f)", q.all().min(), q.all().mean(), q.layers().min(), q.layers().mean(), q.rest().min(), q.rest().mean());
+  line("quality    scaled Jacobian min %.4f mean %.4f (layers %.4f %.4f, rest %.4f %.4f)", q.all().min(), q.all().mean(), q.layers().min(),
+       q.layers().mean(), q.rest().min(), q.rest().mean());
   for (const auto& p : q.patches())
     if (p.layers_wished() > 0)
-      line("layers     %-16s %2d on %5.1f %% of the area, first height %.4g of %.4g, thickness %3.0f %%", p.name().c_str(), p.layers_wished(), 100 * p.coverage(), p.first_height_mean(), p.first_height_wished(), 100 * p.thickness_fraction_mean());
+      line("layers     %-16s %2d on %5.1f %% of the area, first height %.4g of %.4g, thickness %3.0f %%", p.name().c_str(),
+           p.layers_wished(), 100 * p.coverage(), p.first_height_mean(), p.first_height_wished(), 100 * p.thickness_fraction_mean());
   line("rung       %s, %lld notes", rung_name(job.rung()).c_str(), number(job.adjustments_total()));
-  line("time       %.2f s, %.2f CPU s, %.0f MB, %d threads", job.usage().wall_seconds(), job.usage().cpu_seconds(), 1e-6 * static_cast<double>(job.usage().peak_memory_bytes()), job.threads());
+  line("time       %.2f s, %.2f CPU s, %.0f MB, %d threads", job.usage().wall_seconds(), job.usage().cpu_seconds(),
+       1e-6 * static_cast<double>(job.usage().peak_memory_bytes()), job.threads());
   return out.str();
 }
 

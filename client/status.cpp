@@ -104,17 +104,16 @@ CommandError command_error(const grpc::Status& status, const std::string& doing)
 CommandError command_error(const v1::Job& job) {
   const v1::JobError& error = job.error();
   if (job.state() == v1::JOB_STATE_CANCELLED) return {ExitCode::Cancelled, "job " + job.job_id() + " was cancelled", "", error.reason()};
-  const ExitCode code = error.code() == grpc::INVALID_ARGUMENT ? ExitCode::InputRejected
+  const ExitCode code = error.code() == grpc::INVALID_ARGUMENT     ? ExitCode::InputRejected
                         : error.code() == grpc::RESOURCE_EXHAUSTED ? ExitCode::Overload
-                                                                    : ExitCode::JobFailed;
+                                                                   : ExitCode::JobFailed;
   std::string message = error.has_diagnostic() ? describe(error.diagnostic()) : error.reason() + ": " + error.message();
-  const std::string hint = code == ExitCode::InputRejected ? "strata check shows everything that is wrong with a surface and a specification" : "";
+  const std::string hint =
+      code == ExitCode::InputRejected ? "strata check shows everything that is wrong with a surface and a specification" : "";
   return CommandError(code, printable(message), hint, error.reason())
       .with_details(safe_dump(error.has_diagnostic() ? nlohmann::json::array({to_json(error.diagnostic())}) : nlohmann::json::array()));
 }
 
-bool transient(const grpc::Status& status) {
-  return status.error_code() == grpc::UNAVAILABLE || status.error_code() == grpc::ABORTED;
-}
+bool transient(const grpc::Status& status) { return status.error_code() == grpc::UNAVAILABLE || status.error_code() == grpc::ABORTED; }
 
 }  // namespace strata::client

@@ -166,7 +166,8 @@ class Download {
       if (!status.ok() && !transient(status) && status.error_code() != grpc::DATA_LOSS && status.error_code() != grpc::CANCELLED)
         throw command_error(status, doing());
       if (offset_ > before) backoff.reset();
-      if (!backoff.pause()) throw command_error(status.ok() ? grpc::Status(grpc::UNAVAILABLE, "the server stops sending") : status, doing());
+      if (!backoff.pause())
+        throw command_error(status.ok() ? grpc::Status(grpc::UNAVAILABLE, "the server stops sending") : status, doing());
     }
     out_.close();
     if (!out_) local_failure("cannot write", part_of(path_));
@@ -260,7 +261,8 @@ void download(Connection& connection, const v1::Blob& blob, const std::string& p
     again = one.continued();  // an old part was damaged: once more from the start
     discard_partial(path);
   }
-  throw CommandError(ExitCode::Integrity, "the downloaded file has the wrong digest (while downloading to " + path + ")", "run the command again");
+  throw CommandError(ExitCode::Integrity, "the downloaded file has the wrong digest (while downloading to " + path + ")",
+                     "run the command again");
 }
 
 void discard_partial(const std::string& path) {

@@ -243,8 +243,8 @@ CheckReport check_request(TriangleSoup soup, const MeshSpec& wish, Context& cont
     const Surface surface = condition(std::move(soup), context);
     report.patch_names = surface.patch_names.values();
     report.findings = check(wish, report.patch_names);
-    const bool usable = std::none_of(report.findings.begin(), report.findings.end(),
-                                     [](const Diagnostic& d) { return d.severity == Severity::Error; });
+    const bool usable =
+        std::none_of(report.findings.begin(), report.findings.end(), [](const Diagnostic& d) { return d.severity == Severity::Error; });
     if (usable) {
       const MeshSpec spec = in_working_frame(wish, surface.frame);
       const Features features = detect_features(surface, {.ridge_angle = spec.features.ridge_angle}, context);

@@ -33,9 +33,7 @@ void need(const Entry& present, const std::string& field) {
   if (!present) refuse(field, "is required");
 }
 
-std::vector<std::string> names(const google::protobuf::RepeatedPtrField<std::string>& list) {
-  return {list.begin(), list.end()};
-}
+std::vector<std::string> names(const google::protobuf::RepeatedPtrField<std::string>& list) { return {list.begin(), list.end()}; }
 
 VolumeMode mode_of(v1::VolumeSpec::Mode mode) {
   switch (mode) {
@@ -135,8 +133,7 @@ LayerSpec layer_of(const v1::LayerSpec& wire, const std::string& path) {
   if (wire.has_side()) layer.side = wire.side();
   layer.blending = blending_of(wire.blending(), path + ".blending");
   layer.blending_count = wire.blending_count();
-  for (int i = 0; i < wire.give_up_size(); ++i)
-    layer.give_up.push_back(give_up_of(wire.give_up(i), indexed(path + ".give_up", i)));
+  for (int i = 0; i < wire.give_up_size(); ++i) layer.give_up.push_back(give_up_of(wire.give_up(i), indexed(path + ".give_up", i)));
   return layer;
 }
 
@@ -248,8 +245,7 @@ MeshSpec from_wire(const v1::MeshSpec& wire) {
   spec.volume.mode = mode_of(wire.volume().mode());
   for (const v1::Vector3& p : wire.volume().points()) spec.volume.points.push_back(vec(p));
   spec.sizing = sizing_of(wire.sizing());
-  if (wire.features().has_ridge_angle_deg())
-    spec.features.ridge_angle = wire.features().ridge_angle_deg() * kRadiansPerDegree;
+  if (wire.features().has_ridge_angle_deg()) spec.features.ridge_angle = wire.features().ridge_angle_deg() * kRadiansPerDegree;
   spec.features.sharp_edges = sharp_edges_of(wire.features().sharp_edges());
   for (int i = 0; i < wire.layers_size(); ++i) spec.layers.push_back(layer_of(wire.layers(i), indexed("layers", i)));
   spec.seed = wire.seed();

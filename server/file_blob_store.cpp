@@ -82,8 +82,7 @@ std::string hex(const std::string& bytes) {
 std::string unhex(std::string_view text) {
   const auto digit = [](char c) { return c <= '9' ? c - '0' : c - 'a' + 10; };
   std::string bytes;
-  for (std::size_t i = 0; i + 1 < text.size(); i += 2)
-    bytes += static_cast<char>(digit(text[i]) * 16 + digit(text[i + 1]));
+  for (std::size_t i = 0; i + 1 < text.size(); i += 2) bytes += static_cast<char>(digit(text[i]) * 16 + digit(text[i + 1]));
   return bytes;
 }
 
@@ -183,8 +182,7 @@ class FileBlobStore final : public BlobStore {
                     "the upload goes on at offset " + std::to_string(upload->written) + ", not " + std::to_string(offset))
           .at("frame.offset");
     if (static_cast<std::int64_t>(bytes.size()) > upload->info.size - offset)
-      throw Refusal(Refused::OutOfRange, "UPLOAD_TOO_LONG",
-                    "the upload was announced with " + std::to_string(upload->info.size) + " bytes")
+      throw Refusal(Refused::OutOfRange, "UPLOAD_TOO_LONG", "the upload was announced with " + std::to_string(upload->info.size) + " bytes")
           .at("frame.data");
     upload->file->write(offset, bytes);
     upload->written += static_cast<std::int64_t>(bytes.size());

@@ -256,8 +256,9 @@ void JobDesk::start(const Lock& lock, Live& live) {
   const v1::WatchJobResponse& event = log(lock, live, std::move(running));
   static_cast<void>(save(job, {event}));  // the end of the job is saved with all that came before
   const std::string id = job.job_id();
-  runner_.start({id, request, threads}, [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); },
-                [this, id](v1::Job result) { finished(id, std::move(result)); });
+  runner_.start(
+      {id, request, threads}, [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); },
+      [this, id](v1::Job result) { finished(id, std::move(result)); });
 }
 
 v1::WatchJobResponse& JobDesk::log(const Lock&, Live& live, v1::WatchJobResponse event) {
@@ -293,8 +294,8 @@ void JobDesk::finished(const std::string& job_id, v1::Job result) {
     const Lock lock(mutex_);
     --running_;
     const auto found = live_.find(job_id);
-    const bool interrupted = closing_ && result.state() == v1::JOB_STATE_CANCELLED && found != live_.end() &&
-                             !found->second->stored.job.cancel_requested();
+    const bool interrupted =
+        closing_ && result.state() == v1::JOB_STATE_CANCELLED && found != live_.end() && !found->second->stored.job.cancel_requested();
     if (found != live_.end() && !interrupted) {  // an interrupted job stays RUNNING in the store and runs again after the restart
       watchers = found->second->watchers;
       finish(lock, *found->second, std::move(result));
@@ -481,8 +482,8 @@ News JobDesk::news(const std::string& job_id, std::int64_t after_sequence, bool 
                                       [](std::int64_t sequence, const v1::WatchJobResponse& e) { return sequence < e.sequence(); });
   news.events.assign(newer, live.log.end());
   if (with_progress && live.progress && live.progress->sequence() > after_sequence) {
-    const auto place = std::find_if(news.events.begin(), news.events.end(),
-                                    [&](const auto& e) { return e.sequence() > live.progress->sequence(); });
+    const auto place =
+        std::find_if(news.events.begin(), news.events.end(), [&](const auto& e) { return e.sequence() > live.progress->sequence(); });
     news.events.insert(place, *live.progress);
   }
   return news;

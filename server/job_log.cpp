@@ -32,16 +32,15 @@ class LoggedRunner final : public JobRunner {
  private:
   static void log_event(const std::string& id, const v1::WatchJobResponse& event) {
     if (event.has_stage_ended())
-      spdlog::debug(R"("msg":"stage ended","job":"{}","stage":"{}","seconds":{:.3f})", id,
-                    v1::Stage_Name(event.stage_ended().stage()), event.stage_ended().seconds());
-    if (event.has_adjustment())
-      spdlog::info(R"("msg":"adjusted","job":"{}","reason":"{}")", id, event.adjustment().reason());
+      spdlog::debug(R"("msg":"stage ended","job":"{}","stage":"{}","seconds":{:.3f})", id, v1::Stage_Name(event.stage_ended().stage()),
+                    event.stage_ended().seconds());
+    if (event.has_adjustment()) spdlog::info(R"("msg":"adjusted","job":"{}","reason":"{}")", id, event.adjustment().reason());
   }
 
   static void log_result(const std::string& id, const v1::Job& job) {
     spdlog::info(R"("msg":"job ended","job":"{}","state":"{}","reason":"{}","error":"{}","wall_s":{:.3f},"cpu_s":{:.3f},"hexes":{})", id,
-                 v1::JobState_Name(job.state()), job.error().reason(), json_escaped(job.error().message()),
-                 job.usage().wall_seconds(), job.usage().cpu_seconds(), job.hexes());
+                 v1::JobState_Name(job.state()), job.error().reason(), json_escaped(job.error().message()), job.usage().wall_seconds(),
+                 job.usage().cpu_seconds(), job.hexes());
   }
 
   JobRunner& runner_;

@@ -275,7 +275,9 @@ class ValidateCall final : public grpc::ServerUnaryReactor {
                v1::ValidateJobResponse* response)
       : desk_(desk), blobs_(blobs), mesher_(mesher), request_(request), response_(response) {}
 
-  void run() { Finish(status_of([&] { validate(); })); }
+  void run() {
+    Finish(status_of([&] { validate(); }));
+  }
   void OnCancel() override { cancelled_ = true; }
   void OnDone() override { delete this; }
 
@@ -288,8 +290,7 @@ class ValidateCall final : public grpc::ServerUnaryReactor {
       Context context(&cancelled_, {});
       CheckReport report;
       const MeshSpec spec = from_wire(response_->effective_spec());
-      with_threads(desk_.options().threads_per_job,
-                   [&] { report = mesher_.check_request(std::move(soup), spec, context); });
+      with_threads(desk_.options().threads_per_job, [&] { report = mesher_.check_request(std::move(soup), spec, context); });
       fill(report);
     } catch (const MeshError& error) {
       if (error.failure() != Failure::InvalidInput) throw;

@@ -80,8 +80,7 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   Server server(config.server, desk, *blobs, mesher);
   if (!config.metrics_listen.empty()) metrics.serve(config.metrics_listen, desk);
   for (const std::string& address : server.addresses())
-    spdlog::info(R"("msg":"listening","address":"{}","slots":{},"threads_per_job":{})", address, config.slots,
-                 config.desk.threads_per_job);
+    spdlog::info(R"("msg":"listening","address":"{}","slots":{},"threads_per_job":{})", address, config.slots, config.desk.threads_per_job);
   tell_ready(config.ready_fd, server.addresses());
   const int signal = wait_for_signal(signals);
   spdlog::info(R"("msg":"draining","signal":{})", signal);

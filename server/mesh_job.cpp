@@ -29,9 +29,7 @@ void write_artifact(const HexMesh& mesh, v1::OutputFormat format, v1::Artifact& 
     case v1::OUTPUT_FORMAT_VTK: return io::write_mesh(mesh, io::MeshFormat::Vtk, {}, sink);
     case v1::OUTPUT_FORMAT_LAYER_SOL: return io::write_layer_solution(mesh, io::MeshFormat::MeditAscii, sink);
     case v1::OUTPUT_FORMAT_LAYER_SOLB: return io::write_layer_solution(mesh, io::MeshFormat::MeditBinary, sink);
-    default:
-      *artifact.mutable_blocks() = blocks_of(mesh);
-      return write_blocks(mesh, artifact.blocks(), sink);
+    default: *artifact.mutable_blocks() = blocks_of(mesh); return write_blocks(mesh, artifact.blocks(), sink);
   }
 }
 
@@ -80,8 +78,7 @@ void record_outcome(const Outcome& outcome, v1::Job& job) {
   }
 }
 
-void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const EventSink& sink,
-             v1::Job& job) {
+void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const EventSink& sink, v1::Job& job) {
   context.begin(Stage::Read);
   const v1::Surface& surface = order.request.surface();
   const auto blob = blobs.find(surface.blob_id());
@@ -131,8 +128,7 @@ rusage process_usage() {
   return usage;
 }
 
-void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const EventSink& sink,
-                 v1::Job& job) {
+void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const EventSink& sink, v1::Job& job) {
   try {
     with_threads(order.threads, [&] { produce(order, blobs, mesher, context, sink, job); });
     job.set_state(v1::JOB_STATE_SUCCEEDED);

@@ -47,8 +47,7 @@ class LoadGauges final : public prometheus::Collectable {
   explicit LoadGauges(const JobDesk& desk) : desk_(desk) {}
   std::vector<prometheus::MetricFamily> Collect() const override {
     const JobDesk::Load load = desk_.load();
-    return {gauge("strata_jobs_running", "Jobs that run now", load.running),
-            gauge("strata_jobs_queued", "Jobs that wait", load.queued),
+    return {gauge("strata_jobs_running", "Jobs that run now", load.running), gauge("strata_jobs_queued", "Jobs that wait", load.queued),
             gauge("strata_jobs_stored", "Jobs remembered", static_cast<double>(load.total)),
             gauge("strata_draining", "1 when no new jobs are taken", desk_.draining() ? 1 : 0),
             gauge("strata_resident_memory_bytes", "Resident memory of the process", resident_bytes())};
@@ -71,8 +70,7 @@ struct Metrics::Parts {
                                            .Help("Wall time of jobs from start to end")
                                            .Register(*registry)
                                            .Add({}, kSeconds);
-  prometheus::Counter& cells =
-      prometheus::BuildCounter().Name("strata_hexes_total").Help("Hexes delivered").Register(*registry).Add({});
+  prometheus::Counter& cells = prometheus::BuildCounter().Name("strata_hexes_total").Help("Hexes delivered").Register(*registry).Add({});
   prometheus::Counter& cpu =
       prometheus::BuildCounter().Name("strata_job_cpu_seconds_total").Help("CPU time while jobs ran").Register(*registry).Add({});
   std::shared_ptr<LoadGauges> load;

@@ -22,8 +22,7 @@ void must_be_readable(const std::string& path, const std::string& flag) {
 }
 
 std::shared_ptr<grpc::ServerCredentials> tls_credentials(const TlsFiles& files) {
-  if (files.certificate.empty() || files.key.empty())
-    throw std::runtime_error("TLS needs both --tls-cert and --tls-key");
+  if (files.certificate.empty() || files.key.empty()) throw std::runtime_error("TLS needs both --tls-cert and --tls-key");
   must_be_readable(files.certificate, "--tls-cert");
   must_be_readable(files.key, "--tls-key");
   if (!files.client_ca.empty()) must_be_readable(files.client_ca, "--tls-client-ca");

@@ -90,8 +90,7 @@ std::string text(const At& at) {
 }
 
 v1::Vector3 point(const At& at) {
-  if (!at.value.is_array() || at.value.size() != 3)
-    refuse(at.path, "must be a point [x, y, z], not " + shown(at.value));
+  if (!at.value.is_array() || at.value.size() != 3) refuse(at.path, "must be a point [x, y, z], not " + shown(at.value));
   v1::Vector3 result;
   result.set_x(number(at.item(0)));
   result.set_y(number(at.item(1)));
@@ -116,8 +115,7 @@ E word_of(const At& at, const Words<E>& words) {
     known.push_back(name);
   }
   const std::string meant = did_you_mean(word, known);
-  refuse(at.path, "\"" + word + "\" is not one of " + list_of(known) +
-                      (meant.empty() ? "" : "; did you mean \"" + meant + "\"?"));
+  refuse(at.path, "\"" + word + "\" is not one of " + list_of(known) + (meant.empty() ? "" : "; did you mean \"" + meant + "\"?"));
 }
 
 // The keys of an object and how each is read.
@@ -171,30 +169,32 @@ void read_volume(const At& at, v1::VolumeSpec& volume) {
 void read_sizing(const At& at, v1::SizingSpec& sizing) {
   const auto read_patch_size = [&](const At& a) {
     v1::PatchSize& entry = *sizing.add_patches();
-    object(a, {{"patches", [&](const At& p) { read_patch_names(p, entry); }},
-               {"size", [&](const At& s) { entry.set_size(number(s)); }}},
+    object(a, {{"patches", [&](const At& p) { read_patch_names(p, entry); }}, {"size", [&](const At& s) { entry.set_size(number(s)); }}},
            {"patches", "size"});
   };
   const auto read_box = [&](const At& a) {
     v1::BoxSize& box = *sizing.add_boxes();
-    object(a, {{"min", [&](const At& p) { *box.mutable_min() = point(p); }},
-               {"max", [&](const At& p) { *box.mutable_max() = point(p); }},
-               {"size", [&](const At& s) { box.set_size(number(s)); }}},
+    object(a,
+           {{"min", [&](const At& p) { *box.mutable_min() = point(p); }},
+            {"max", [&](const At& p) { *box.mutable_max() = point(p); }},
+            {"size", [&](const At& s) { box.set_size(number(s)); }}},
            {"min", "max", "size"});
   };
   const auto read_sphere = [&](const At& a) {
     v1::SphereSize& sphere = *sizing.add_spheres();
-    object(a, {{"centre", [&](const At& p) { *sphere.mutable_centre() = point(p); }},
-               {"radius", [&](const At& r) { sphere.set_radius(number(r)); }},
-               {"size", [&](const At& s) { sphere.set_size(number(s)); }}},
+    object(a,
+           {{"centre", [&](const At& p) { *sphere.mutable_centre() = point(p); }},
+            {"radius", [&](const At& r) { sphere.set_radius(number(r)); }},
+            {"size", [&](const At& s) { sphere.set_size(number(s)); }}},
            {"centre", "radius", "size"});
   };
   const auto read_cylinder = [&](const At& a) {
     v1::CylinderSize& cylinder = *sizing.add_cylinders();
-    object(a, {{"from", [&](const At& p) { *cylinder.mutable_from() = point(p); }},
-               {"to", [&](const At& p) { *cylinder.mutable_to() = point(p); }},
-               {"radius", [&](const At& r) { cylinder.set_radius(number(r)); }},
-               {"size", [&](const At& s) { cylinder.set_size(number(s)); }}},
+    object(a,
+           {{"from", [&](const At& p) { *cylinder.mutable_from() = point(p); }},
+            {"to", [&](const At& p) { *cylinder.mutable_to() = point(p); }},
+            {"radius", [&](const At& r) { cylinder.set_radius(number(r)); }},
+            {"size", [&](const At& s) { cylinder.set_size(number(s)); }}},
            {"from", "to", "radius", "size"});
   };
   object(at, {{"max_size", [&](const At& a) { sizing.set_max_size(number(a)); }},
@@ -228,16 +228,16 @@ void read_blending(const At& at, v1::LayerSpec& layer) {
     layer.set_blending_count(small_number(at));
     return;
   }
-  const Words<v1::LayerSpec::Blending> words = {{"auto", v1::LayerSpec::BLENDING_AUTO},
-                                                {"none", v1::LayerSpec::BLENDING_NONE}};
+  const Words<v1::LayerSpec::Blending> words = {{"auto", v1::LayerSpec::BLENDING_AUTO}, {"none", v1::LayerSpec::BLENDING_NONE}};
   layer.set_blending(word_of(at, words));
 }
 
 void read_layer(const At& at, v1::LayerSpec& layer) {
   const auto read_neighbour = [&](const At& a) {
     v1::NeighbourEnding& neighbour = *layer.add_neighbours();
-    object(a, {{"patches", [&](const At& p) { read_patch_names(p, neighbour); }},
-               {"ending", [&](const At& e) { neighbour.set_ending(word_of(e, kEndings)); }}},
+    object(a,
+           {{"patches", [&](const At& p) { read_patch_names(p, neighbour); }},
+            {"ending", [&](const At& e) { neighbour.set_ending(word_of(e, kEndings)); }}},
            {"patches", "ending"});
   };
   object(at,
@@ -252,8 +252,7 @@ void read_layer(const At& at, v1::LayerSpec& layer) {
           {"neighbours", [&](const At& a) { each(a, read_neighbour); }},
           {"side", [&](const At& a) { read_side(a, layer); }},
           {"blending", [&](const At& a) { read_blending(a, layer); }},
-          {"give_up",
-           [&](const At& a) { each(a, [&](const At& g) { layer.add_give_up(word_of(g, kGiveUps)); }); }}},
+          {"give_up", [&](const At& a) { each(a, [&](const At& g) { layer.add_give_up(word_of(g, kGiveUps)); }); }}},
          {"patches"});
 }
 

@@ -108,10 +108,7 @@ grpc::Status to_status(const MeshError& error) {
 }
 
 grpc::Status to_status(const Refusal& refusal) {
-  return StatusBuilder(code_of(refusal.kind), refusal.reason, refusal.what())
-      .field(refusal.field)
-      .retry(refusal.retry_seconds)
-      .build();
+  return StatusBuilder(code_of(refusal.kind), refusal.reason, refusal.what()).field(refusal.field).retry(refusal.retry_seconds).build();
 }
 
 grpc::Status to_status(const v1::JobError& error) {

@@ -32,8 +32,7 @@ class SystemService final : public v1::SystemService::CallbackService {
     response->add_api_versions("strata.v1");
     for (int f = v1::SurfaceFormat_MIN + 1; f <= v1::SurfaceFormat_MAX; ++f)
       response->add_surface_formats(static_cast<v1::SurfaceFormat>(f));
-    for (int f = v1::OutputFormat_MIN + 1; f <= v1::OutputFormat_MAX; ++f)
-      response->add_output_formats(static_cast<v1::OutputFormat>(f));
+    for (int f = v1::OutputFormat_MIN + 1; f <= v1::OutputFormat_MAX; ++f) response->add_output_formats(static_cast<v1::OutputFormat>(f));
     for (int s = 0; s < kStageCount; ++s) response->add_stages(to_wire(static_cast<Stage>(s)));
     v1::Limits& limits = *response->mutable_limits();
     limits.set_max_message_bytes(limits_.max_message_bytes);

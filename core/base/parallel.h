@@ -26,8 +26,7 @@ void parallel_blocks(std::size_t count, const Body& body, std::size_t grain = kG
   }
   const std::size_t blocks = (count + grain - 1) / grain;
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks), [&](const tbb::blocked_range<std::size_t>& range) {
-    for (std::size_t b = range.begin(); b != range.end(); ++b)
-      body(b * grain, std::min(count, (b + 1) * grain));
+    for (std::size_t b = range.begin(); b != range.end(); ++b) body(b * grain, std::min(count, (b + 1) * grain));
   });
 }
 

@@ -77,8 +77,7 @@ std::vector<ChartId> choose_batch(const HexMesh& mesh, const std::vector<Wish>& 
   return batch;
 }
 
-SheetRequest round_charts(const HexMesh& mesh, const IdMap<QuadId, QuadSides>& sides, const std::vector<ChartId>& batch,
-                          StripTakes strip) {
+SheetRequest round_charts(const HexMesh& mesh, const IdMap<QuadId, QuadSides>& sides, const std::vector<ChartId>& batch, StripTakes strip) {
   SheetRequest request;
   request.strip = strip;
   request.inner.assign(mesh.hexes.size(), 0);
@@ -115,7 +114,8 @@ Diagnostic pinch_report(ChartId chart, const Features& features, const std::vect
   diagnostic.severity = Severity::Info;
   diagnostic.message = "no ridge layer round chart " + std::to_string(chart.value) + ": it would pinch the mesh at " +
                        std::to_string(pinched.size()) + " vertices";
-  diagnostic.values = {{"chart", chart.value}, {"patch", features.patch_of_chart[chart].value}, {"vertices", static_cast<double>(pinched.size())}};
+  diagnostic.values = {
+      {"chart", chart.value}, {"patch", features.patch_of_chart[chart].value}, {"vertices", static_cast<double>(pinched.size())}};
   return diagnostic;
 }
 
@@ -245,9 +245,8 @@ std::vector<Wish> gather_wishes(const HexMesh& mesh, const ChartBorders& borders
   std::vector<Wish> wishes;
   for (const BorderConflict& conflict : border_conflicts(mesh, borders))
     if (const auto wish = cure(conflict, borders, ledger)) wishes.push_back(*wish);
-  std::sort(wishes.begin(), wishes.end(), [](const Wish& a, const Wish& b) {
-    return a.strip != b.strip ? a.strip == StripTakes::Outer : a.chart < b.chart;
-  });
+  std::sort(wishes.begin(), wishes.end(),
+            [](const Wish& a, const Wish& b) { return a.strip != b.strip ? a.strip == StripTakes::Outer : a.chart < b.chart; });
   wishes.erase(std::unique(wishes.begin(), wishes.end()), wishes.end());
   return wishes;
 }

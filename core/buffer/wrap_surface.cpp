@@ -102,8 +102,7 @@ SkinGeometry skin_geometry(const HexMesh& mesh) {
   skin.regions.resize(mesh.quads.size());
   for (QuadId q : mesh.quads.ids()) {
     const QuadVertices& v = mesh.quads[q];
-    skin.normal[q] =
-        (mesh.position[v[2]] - mesh.position[v[0]]).cross(mesh.position[v[3]] - mesh.position[v[1]]).normalized();
+    skin.normal[q] = (mesh.position[v[2]] - mesh.position[v[0]]).cross(mesh.position[v[3]] - mesh.position[v[1]]).normalized();
     if (sides[q].back.valid()) skin.regions[q][0] = mesh.region[sides[q].back];
     if (sides[q].front.valid()) skin.regions[q][1] = mesh.region[sides[q].front];
   }

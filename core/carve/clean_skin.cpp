@@ -20,8 +20,13 @@ constexpr std::size_t kFragment = 8; // hexes
 class Cleaner {
  public:
   Cleaner(const HexMesh& mesh, HexChoice& choice)
-      : mesh_(mesh), label_(choice.label), fillable_(choice.fillable), star_(hexes_round_vertices(mesh)),
-        neighbours_(face_neighbours(mesh)), flips_(mesh.hexes.size(), std::uint8_t{0}), queued_(mesh.position.size(), std::uint8_t{0}) {}
+      : mesh_(mesh),
+        label_(choice.label),
+        fillable_(choice.fillable),
+        star_(hexes_round_vertices(mesh)),
+        neighbours_(face_neighbours(mesh)),
+        flips_(mesh.hexes.size(), std::uint8_t{0}),
+        queued_(mesh.position.size(), std::uint8_t{0}) {}
 
   void run() {
     for (VertexId v : mesh_.position.ids()) push(v);
@@ -77,9 +82,7 @@ class Cleaner {
     }
     relabel(h, best);
   }
-  [[nodiscard]] bool may_fill(HexId h, std::int32_t region) const {
-    return label_[h] == kVoid && flips_[h] == 0 && fillable_[h] == region;
-  }
+  [[nodiscard]] bool may_fill(HexId h, std::int32_t region) const { return label_[h] == kVoid && flips_[h] == 0 && fillable_[h] == region; }
 
   [[nodiscard]] bool sticks_out(HexId h) const {
     std::array<int, 6> held{};

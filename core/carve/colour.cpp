@@ -197,8 +197,8 @@ std::string point_text(const Vec3& p) {
     }
   diagnostic.values = {{"open_percent", percent}, {"open_edges", static_cast<double>(diagnostic.count)}};
   diagnostic.message = "the surface is not closed: a hole near " + point_text(diagnostic.box.centre()) + " leaves " +
-                       std::to_string(static_cast<int>(percent)) + " % of the volume's border open (" +
-                       std::to_string(diagnostic.count) + " open edges in all)";
+                       std::to_string(static_cast<int>(percent)) + " % of the volume's border open (" + std::to_string(diagnostic.count) +
+                       " open edges in all)";
   throw MeshError(Failure::InvalidInput, std::move(diagnostic));
 }
 
@@ -244,7 +244,8 @@ struct Numbering {
 };
 
 Numbering number_by_points(const Dual& dual, const Components& components, const std::vector<std::uint8_t>& outside,
-                           const std::vector<Opening>& openings, const Surface& surface, const Locator& locator, const std::vector<Vec3>& points, Context& context) {
+                           const std::vector<Opening>& openings, const Surface& surface, const Locator& locator,
+                           const std::vector<Vec3>& points, Context& context) {
   Numbering numbering{std::vector<std::int32_t>(outside.size(), kVoid), static_cast<std::int32_t>(points.size())};
   for (std::size_t i = 0; i < points.size(); ++i) {
     const std::string name = "seed point " + std::to_string(i + 1) + " " + point_text(surface.frame.to_input(points[i]));
@@ -257,7 +258,8 @@ Numbering number_by_points(const Dual& dual, const Components& components, const
       const bool leak = !surface.closed && std::abs(locator.winding_number(points[i])) > 0.5;
       throw_not_found(name + (leak ? " leaks out: the surface round it is not closed" : " lies outside every closed surface"), field, box);
     }
-    if (!openings.empty() && openings[static_cast<std::size_t>(c)].gapes()) throw_open(openings[static_cast<std::size_t>(c)], surface, field);
+    if (!openings.empty() && openings[static_cast<std::size_t>(c)].gapes())
+      throw_open(openings[static_cast<std::size_t>(c)], surface, field);
     auto& region = numbering.region[static_cast<std::size_t>(c)];
     if (region < 0) {
       region = static_cast<std::int32_t>(i);
@@ -345,8 +347,9 @@ NodeColours colour_nodes(const Dual& dual, const Surface& surface, const Locator
                                   ? number_by_points(dual, components, outside, openings, surface, locator, volume.points, context)
                                   : number_bounded(components, outside, openings, surface, links, volume.mode);
   if (numbering.count == 0)
-    throw_not_found(surface.closed ? "no volume is enclosed by the surface at this cell size"
-                                   : "no volume is enclosed: the surface is not closed", "volume", {});
+    throw_not_found(
+        surface.closed ? "no volume is enclosed by the surface at this cell size" : "no volume is enclosed: the surface is not closed",
+        "volume", {});
   NodeColours result;
   result.regions = numbering.count;
   result.colour.resize(dual.mesh.position.size());

@@ -41,8 +41,7 @@ PatternBits bits_of_block(const Neighbourhood& around) {
 
 LowNeighbours low_neighbours(const Neighbourhood& around) {
   LowNeighbours low;
-  for (int m = 0; m < 8; ++m)
-    low[static_cast<std::size_t>(m)] = around[neighbour_slot(-(m & 1), -(m >> 1 & 1), -(m >> 2 & 1))];
+  for (int m = 0; m < 8; ++m) low[static_cast<std::size_t>(m)] = around[neighbour_slot(-(m & 1), -(m >> 1 & 1), -(m >> 2 & 1))];
   return low;
 }
 
@@ -129,7 +128,8 @@ struct Found {
 };
 
 // The sub-cell that fills the octant `octant` round the block's point p, in a neighbour of another level.
-Found find_in_other_level(const Blocks& blocks, std::size_t block, const LatticePoint& p, unsigned octant, NodeRef neighbour, unsigned across) {
+Found find_in_other_level(const Blocks& blocks, std::size_t block, const LatticePoint& p, unsigned octant, NodeRef neighbour,
+                          unsigned across) {
   // In quarters of this block, from the low corner of the same-size region the neighbour stands for.
   GridPoint q{p.x + (across & 1 ? kQuarters : 0), p.y + (across & 2 ? kQuarters : 0), p.z + (across & 4 ? kQuarters : 0)};
   if (!is_inner(neighbour)) {
@@ -165,7 +165,8 @@ Found find_cell(const Blocks& blocks, std::size_t block, const LatticePoint& p, 
   if (is_inner(neighbour) || blocks.octree.level[leaf_index(neighbour)] != blocks.octree.level[block])
     return find_in_other_level(blocks, block, p, octant, neighbour, across);
   const std::size_t at = leaf_index(neighbour);
-  const std::size_t q = lattice_index(p.x + (across & 1 ? kQuarters : 0), p.y + (across & 2 ? kQuarters : 0), p.z + (across & 4 ? kQuarters : 0));
+  const std::size_t q =
+      lattice_index(p.x + (across & 1 ? kQuarters : 0), p.y + (across & 2 ? kQuarters : 0), p.z + (across & 4 ? kQuarters : 0));
   return {at, blocks.pattern(at).octant[q][octant]};
 }
 
@@ -189,12 +190,11 @@ std::int64_t hexes_of_block(const Blocks& blocks, std::size_t block) {
   const Pattern& pattern = blocks.pattern(block);
   const std::int64_t inside = static_cast<std::int64_t>(pattern.interior.size());
   if (is_surrounded(blocks, block)) return inside + static_cast<std::int64_t>(pattern.owned.size());
-  return inside + std::count_if(pattern.owned.begin(), pattern.owned.end(), [&](const LatticePoint& p) { return has_all_cells(blocks, block, p); });
+  return inside +
+         std::count_if(pattern.owned.begin(), pattern.owned.end(), [&](const LatticePoint& p) { return has_all_cells(blocks, block, p); });
 }
 
-VertexId node_id(const std::vector<std::int32_t>& first_node, std::size_t block, int cell) {
-  return VertexId(first_node[block] + cell);
-}
+VertexId node_id(const std::vector<std::int32_t>& first_node, std::size_t block, int cell) { return VertexId(first_node[block] + cell); }
 
 HexVertices hex_at(const Blocks& blocks, const std::vector<std::int32_t>& first_node, std::size_t block, const LatticePoint& p) {
   HexVertices hex;
@@ -282,8 +282,7 @@ void fill_plain_hexes(const Blocks& blocks, const std::vector<std::int32_t>& fir
   }
   for (std::size_t p = 0; p < 8; ++p) {
     const std::size_t low = (p & 1) + 3 * (p >> 1 & 1) + 9 * (p >> 2);
-    *hex++ = {node[low],     node[low + 1],  node[low + 4],  node[low + 3],
-              node[low + 9], node[low + 10], node[low + 13], node[low + 12]};
+    *hex++ = {node[low], node[low + 1], node[low + 4], node[low + 3], node[low + 9], node[low + 10], node[low + 13], node[low + 12]};
   }
 }
 

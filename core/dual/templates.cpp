@@ -24,18 +24,17 @@ const std::array<Template, 6>& templates() {
         "000 001 050 015 011 500 550 51a 105 101 115 111"}},
       // edge: fine faces x=0 and z=0; the first roof bends round the notch
       {5,
-       {"055 051 015 011 a15 a11", "550 510 51a 150 110 11a", "050 055 010 015 a15 550 510 51a",
-        "005 001 055 051 a15 a11 501 511", "500 550 51a 100 105 150 11a 115",
-        "000 005 050 055 a15 500 501 550 51a 511 105 101 115 111"}},
+       {"055 051 015 011 a15 a11", "550 510 51a 150 110 11a", "050 055 010 015 a15 550 510 51a", "005 001 055 051 a15 a11 501 511",
+        "500 550 51a 100 105 150 11a 115", "000 005 050 055 a15 500 501 550 51a 511 105 101 115 111"}},
       // side: fine faces x=0 and z=0, next to a corner along the notch
       {5,
        {"005 001 055 051 a51 501", "055 051 015 011 a51 a11", "550 510 51a 150 110 11a", "500 550 51a 100 105 150 11a 115",
         "050 055 010 015 a51 a11 550 510 51a 511", "000 005 050 055 a51 500 501 550 51a 511 105 101 115 111"}},
       // corner: three fine faces
       {7,
-       {"055 051 015 011 a51 a11", "505 501 105 101 1a5 1a1", "550 510 51a 150 110 11a",
-        "005 001 055 051 a51 505 501 1a5 1a1 151", "050 055 010 015 a51 a11 550 510 51a 511",
-        "500 505 550 51a 100 105 1a5 150 11a 115", "000 005 050 055 a51 500 505 550 51a 511 1a5 151 115 111"}},
+       {"055 051 015 011 a51 a11", "505 501 105 101 1a5 1a1", "550 510 51a 150 110 11a", "005 001 055 051 a51 505 501 1a5 1a1 151",
+        "050 055 010 015 a51 a11 550 510 51a 511", "500 505 550 51a 100 105 1a5 150 11a 115",
+        "000 005 050 055 a51 500 505 550 51a 511 1a5 151 115 111"}},
       // tet at the midpoint 100 of the block's edge along x, cut off the cell that fills the corner
       {0, {"500 100 105 150"}},
   }};
@@ -55,8 +54,7 @@ std::int8_t coordinate(char digit) {
 
 SubCell parse(std::string_view text) {
   SubCell cell;
-  for (std::size_t i = 0; i < text.size(); i += 4)
-    cell.push_back({coordinate(text[i]), coordinate(text[i + 1]), coordinate(text[i + 2])});
+  for (std::size_t i = 0; i < text.size(); i += 4) cell.push_back({coordinate(text[i]), coordinate(text[i + 1]), coordinate(text[i + 2])});
   return cell;
 }
 

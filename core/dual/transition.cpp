@@ -101,7 +101,8 @@ Corners cube_order(const std::vector<std::int8_t>& round, const std::vector<Cell
   assert(next.size() == 3 && "an interior vertex of a pattern has an octahedral link");
   // x, y, z by the direction that fits best, so that hexes lie as upright as the template allows
   for (int axis = 0; axis < 2; ++axis)
-    std::iter_swap(next.begin() + axis, std::max_element(next.begin() + axis, next.end(), [&](auto a, auto b) { return at(a)[axis] < at(b)[axis]; }));
+    std::iter_swap(next.begin() + axis,
+                   std::max_element(next.begin() + axis, next.end(), [&](auto a, auto b) { return at(a)[axis] < at(b)[axis]; }));
   const Vec3 e0 = at(next[0]) - at(first), e1 = at(next[1]) - at(first), e2 = at(next[2]) - at(first);
   if (e0.cross(e1).dot(e2) < 0) std::swap(next[0], next[1]);
 

@@ -45,8 +45,8 @@ bool is_hard(const Surface& surface, const FeatureEdge& e) {
 
 // The sharpest turn beside the edge: over the sides of its two triangles and of the triangles next to them, but for ridges
 // and for edges that go on in the same direction.
-double turn_beside(const Surface& surface, const std::vector<std::array<std::int32_t, 3>>& edge_of_side, const std::vector<FeatureEdge>& edges,
-                   std::size_t edge, const std::vector<char>& feature) {
+double turn_beside(const Surface& surface, const std::vector<std::array<std::int32_t, 3>>& edge_of_side,
+                   const std::vector<FeatureEdge>& edges, std::size_t edge, const std::vector<char>& feature) {
   const FeatureEdge& e = edges[edge];
   const Vec3 along = (surface.points[e.high] - surface.points[e.low]) / e.length;
   constexpr double kSameDirection = 0.87;  // cosine of 30 degrees
@@ -82,9 +82,8 @@ void extend_by_weak(const Surface& surface, const std::vector<FeatureEdge>& edge
     const TrianglePoints& p = surface.triangles[TriangleId(t)];
     for (std::size_t s = 0; s < 3; ++s) {
       const auto [low, high] = std::minmax({p[s], p[(s + 1) % 3]});
-      const auto at = std::lower_bound(edges.begin(), edges.end(), std::pair(low, high), [](const FeatureEdge& e, const auto& key) {
-        return std::pair(e.low, e.high) < key;
-      });
+      const auto at = std::lower_bound(edges.begin(), edges.end(), std::pair(low, high),
+                                       [](const FeatureEdge& e, const auto& key) { return std::pair(e.low, e.high) < key; });
       edge_of_side[t][s] = static_cast<std::int32_t>(at - edges.begin());
     }
   });
@@ -195,9 +194,8 @@ std::vector<FeatureEdge> all_edges(const Surface& surface) {
 
 std::vector<char> mark_features(const Surface& surface, const std::vector<FeatureEdge>& edges, double ridge_angle) {
   std::vector<char> feature(edges.size(), 0);
-  parallel_for(edges.size(), [&](std::size_t i) {
-    feature[i] = is_hard(surface, edges[i]) || std::abs(edges[i].turn) - edges[i].doubt > ridge_angle;
-  });
+  parallel_for(edges.size(),
+               [&](std::size_t i) { feature[i] = is_hard(surface, edges[i]) || std::abs(edges[i].turn) - edges[i].doubt > ridge_angle; });
   drop_fragments(surface, edges, feature);  // before the weak ones: noise is not to be extended
   extend_by_weak(surface, edges, ridge_angle, feature);
   return feature;

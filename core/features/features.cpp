@@ -44,7 +44,8 @@ FeatureGraph make_graph(std::vector<FeatureEdge> edges, std::size_t points) {
   graph.at.resize(static_cast<std::size_t>(exclusive_scan(graph.first)));
   std::vector<std::int32_t> fill = graph.first;
   for (std::size_t e = 0; e < graph.edges.size(); ++e)
-    for (const PointId p : {graph.edges[e].low, graph.edges[e].high}) graph.at[static_cast<std::size_t>(fill[p.index()]++)] = static_cast<std::int32_t>(e);
+    for (const PointId p : {graph.edges[e].low, graph.edges[e].high})
+      graph.at[static_cast<std::size_t>(fill[p.index()]++)] = static_cast<std::int32_t>(e);
   return graph;
 }
 
@@ -98,7 +99,8 @@ bool turns(const Surface& surface, const FeatureGraph& graph, PointId p, int arm
 
 bool is_corner(const Surface& surface, const FeatureGraph& graph, PointId p) {
   if (graph.valence(p) != 2) return graph.valence(p) != 0;
-  const FeatureEdge &a = graph.edges[static_cast<std::size_t>(graph.edge(p, 0))], &b = graph.edges[static_cast<std::size_t>(graph.edge(p, 1))];
+  const FeatureEdge &a = graph.edges[static_cast<std::size_t>(graph.edge(p, 0))],
+                    &b = graph.edges[static_cast<std::size_t>(graph.edge(p, 1))];
   if (a.count != b.count) return true;
   return turns(surface, graph, p, 1) && turns(surface, graph, p, kArm);
 }
@@ -135,8 +137,8 @@ void measure(const FeatureGraph& graph, const std::vector<std::int32_t>& chain, 
 }
 
 // Follows the curve from p along e until the next corner or back to p.
-void trace(const FeatureGraph& graph, PointId p, std::int32_t e, const std::vector<CornerId>& corner_at,
-           std::vector<char>& done, Features& features) {
+void trace(const FeatureGraph& graph, PointId p, std::int32_t e, const std::vector<CornerId>& corner_at, std::vector<char>& done,
+           Features& features) {
   Curve curve;
   std::vector<std::int32_t> chain;
   const PointId start = p;

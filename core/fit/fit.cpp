@@ -12,8 +12,8 @@ constexpr int kSmoothSweeps = 20;        // staircase to surface: information tr
 constexpr int kFeatureSweeps = 32;
 constexpr int kPolishRounds = 2;
 constexpr double kPolishGoal = 0.4;      // scaled Jacobian the worst hexes are raised to, where possible
-constexpr double kHealthy = 0.05;         // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
-constexpr double kAcceptable = 0.02;     // projections never push a good hex below
+constexpr double kHealthy = 0.05;  // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
+constexpr double kAcceptable = 0.02;  // projections never push a good hex below
 
 }  // namespace
 

@@ -169,7 +169,8 @@ void label_quads(const Matching& m, HexMesh& mesh) {
       for (; stop < votes.size() && votes[stop].region == votes[i].region && votes[stop].group == g;) {
         const Vote& head = votes[stop];
         double area = 0;
-        for (; stop < votes.size() && votes[stop].region == head.region && votes[stop].chart == head.chart; ++stop) area += nearest.area[votes[stop].quad];
+        for (; stop < votes.size() && votes[stop].region == head.region && votes[stop].chart == head.chart; ++stop)
+          area += nearest.area[votes[stop].quad];
         if (shares.empty() || shares.back().patch != head.patch) shares.push_back({head.patch, head.chart, 0, -1});
         Share& share = shares.back();
         share.area += area;
@@ -185,7 +186,8 @@ void label_quads(const Matching& m, HexMesh& mesh) {
         best_shares = shares;
       }
     }
-    const auto largest = *std::max_element(best_shares.begin(), best_shares.end(), [](const Share& a, const Share& b) { return a.area < b.area; });
+    const auto largest =
+        *std::max_element(best_shares.begin(), best_shares.end(), [](const Share& a, const Share& b) { return a.area < b.area; });
     const bool one_chart = largest.of_chart > (1 - kStray) * best_area;
     const bool one_patch = largest.area > (1 - kStray) * best_area;
     for (; i < stop; ++i) {

@@ -89,9 +89,8 @@ class CornerMatcher {
     std::vector<CornerId> order;
     for (CornerId c : ends_.ids())
       if (m_.plan.stands_for[c] == c) order.push_back(c);
-    std::sort(order.begin(), order.end(), [&](CornerId a, CornerId b) {
-      return ends_[a].size() != ends_[b].size() ? ends_[a].size() > ends_[b].size() : a < b;
-    });
+    std::sort(order.begin(), order.end(),
+              [&](CornerId a, CornerId b) { return ends_[a].size() != ends_[b].size() ? ends_[a].size() > ends_[b].size() : a < b; });
     for (CornerId c : order) choose(c);
     for (CornerId c : order) reserve(c);
   }
@@ -103,8 +102,10 @@ class CornerMatcher {
     const Vec3 normal = skin_normal(m_, v), x = normal.unitOrthogonal(), y = normal.cross(x);
     const auto angle = [&](const Vec3& d) { return std::atan2(d.dot(y), d.dot(x)); };
     for (End& e : ends) e.angle = angle(e.direction);
-    std::sort(ends.begin(), ends.end(), [](const End& a, const End& b) { return std::tie(a.angle, a.route, a.which) < std::tie(b.angle, b.route, b.which); });
-    for (std::int32_t e : m_.skin.edges_round(v)) edges.emplace_back(angle(m_.mesh.position[m_.skin.other_end(e, v)] - m_.mesh.position[v]), e);
+    std::sort(ends.begin(), ends.end(),
+              [](const End& a, const End& b) { return std::tie(a.angle, a.route, a.which) < std::tie(b.angle, b.route, b.which); });
+    for (std::int32_t e : m_.skin.edges_round(v))
+      edges.emplace_back(angle(m_.mesh.position[m_.skin.other_end(e, v)] - m_.mesh.position[v]), e);
     std::sort(edges.begin(), edges.end());
     if (ends.empty() || ends.size() > edges.size()) return {};
     return assign_in_order(ends, edges);

@@ -31,8 +31,9 @@ std::int64_t report_softened(const Matching& m, Context& context) {
   if (softened == 0) return 0;
   diagnostic.count = softened;
   diagnostic.values = {{"curves", static_cast<double>(softened)}, {"length", length}};
-  diagnostic.message = std::to_string(softened) + " feature curves (length " + std::to_string(length) +
-                       " in all) are too small for the cells, or have no path of mesh edges; the mesh rounds them off. A smaller size there keeps them.";
+  diagnostic.message =
+      std::to_string(softened) + " feature curves (length " + std::to_string(length) +
+      " in all) are too small for the cells, or have no path of mesh edges; the mesh rounds them off. A smaller size there keeps them.";
   context.adjusted(std::move(diagnostic));
   return softened;
 }

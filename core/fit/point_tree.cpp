@@ -25,8 +25,7 @@ void PointTree::build(std::size_t begin, std::size_t end, int axis) {
 }
 
 template <class Visit>
-void PointTree::visit(std::size_t begin, std::size_t end, int axis, const Vec3& p, double radius,
-                      const Visit& found) const {
+void PointTree::visit(std::size_t begin, std::size_t end, int axis, const Vec3& p, double radius, const Visit& found) const {
   if (begin == end) return;
   const std::size_t middle = begin + (end - begin) / 2;
   const Entry& entry = entries_[middle];
@@ -44,8 +43,12 @@ void PointTree::visit_nearest(std::size_t begin, std::size_t end, int axis, cons
   best = std::min(best, {(entry.position - p).norm(), entry.vertex});
   const double side = p[axis] - entry.position[axis];
   const int next = (axis + 1) % 3;
-  const auto left = [&] { if (side <= best.first) visit_nearest(begin, middle, next, p, best); };
-  const auto right = [&] { if (-side <= best.first) visit_nearest(middle + 1, end, next, p, best); };
+  const auto left = [&] {
+    if (side <= best.first) visit_nearest(begin, middle, next, p, best);
+  };
+  const auto right = [&] {
+    if (-side <= best.first) visit_nearest(middle + 1, end, next, p, best);
+  };
   if (side < 0) {
     left();
     right();

@@ -14,10 +14,10 @@ constexpr double kShortestTail = 2.0;     // a crease that ends in the open
 constexpr double kShortestLoner = 3.0;    // a crease that ends in the open at both ends
 constexpr double kShortestLoop = 4.0;     // a closed crease
 constexpr double kCornerDistance = 0.15;  // corners closer than this along a curve are one: anything longer still makes a sound, flat quad
-constexpr double kNarrowest = 0.15;       // width of a strip between two creases
-constexpr double kSmallestChart = 0.7;    // area of a chart, in cells' faces
+constexpr double kNarrowest = 0.15;  // width of a strip between two creases
+constexpr double kSmallestChart = 0.7;  // area of a chart, in cells' faces
 constexpr double kDissolveTurn = std::numbers::pi / 4;  // a corner with two curves left that turn by less is none any more
-constexpr int kSizeSamples = 5;           // of the mesh size along a curve
+constexpr int kSizeSamples = 5;  // of the mesh size along a curve
 
 struct Link {  // a curve of the graph of curves and corners
   bool alive = true;
@@ -33,7 +33,7 @@ struct Step {
 
 struct Chain {
   std::vector<Step> steps;
-  CornerId first, last;   // invalid: closed with no corner
+  CornerId first, last;  // invalid: closed with no corner
   bool closed = false;
   bool border = false;
   double length = 0, size = 0, sharpness = 0;
@@ -42,8 +42,14 @@ struct Chain {
 class Pruner {
  public:
   Pruner(const Ground& ground, const std::function<double(const Vec3&)>& size_at)
-      : surface_(ground.surface()), features_(ground.features()), links_(features_.curves.size()), united_(features_.corners.size()),
-        altered_(features_.corners.size(), std::uint8_t{0}), ends_(features_.corners.size()), chart_root_(features_.chart_count()), area_(features_.chart_count(), 0.0) {
+      : surface_(ground.surface()),
+        features_(ground.features()),
+        links_(features_.curves.size()),
+        united_(features_.corners.size()),
+        altered_(features_.corners.size(), std::uint8_t{0}),
+        ends_(features_.corners.size()),
+        chart_root_(features_.chart_count()),
+        area_(features_.chart_count(), 0.0) {
     for (CurveId c : features_.curves.ids()) {
       const Curve& curve = features_.curves[c];
       Link& link = links_[c];
@@ -52,7 +58,8 @@ class Pruner {
       link.sharpness = std::max(std::abs(std::numbers::pi - curve.dihedral_mean), 0.0);
       const auto n = curve.points.size();
       for (int i = 0; i < kSizeSamples; ++i)
-        link.size += size_at(surface_.points[curve.points[std::min(n - 1, n * static_cast<std::size_t>(i) / (kSizeSamples - 1))]]) / kSizeSamples;
+        link.size +=
+            size_at(surface_.points[curve.points[std::min(n - 1, n * static_cast<std::size_t>(i) / (kSizeSamples - 1))]]) / kSizeSamples;
     }
     for (CornerId c : united_.ids()) united_[c] = c;
     for (ChartId c : chart_root_.ids()) chart_root_[c] = c;
@@ -79,7 +86,9 @@ class Pruner {
     while (c.valid() && chart_root_[c] != c) c = chart_root_[c];
     return c;
   }
-  [[nodiscard]] CornerId start(const Step& s) const { return root(s.backwards ? features_.curves[s.curve].last : features_.curves[s.curve].first); }
+  [[nodiscard]] CornerId start(const Step& s) const {
+    return root(s.backwards ? features_.curves[s.curve].last : features_.curves[s.curve].first);
+  }
   [[nodiscard]] CornerId end(const Step& s) const { return start({s.curve, !s.backwards}); }
 
   // Direction in which the step leaves its start, over about one cell.
@@ -189,7 +198,8 @@ class Pruner {
       if (busy[chain->first] || busy[chain->last]) continue;
       // A corner that more curves need is the stronger one.
       const auto rank = [&](CornerId c) { return std::make_pair(-static_cast<std::ptrdiff_t>(ends_[c].size()), c); };
-      const auto [kept, gone] = rank(chain->first) < rank(chain->last) ? std::pair(chain->first, chain->last) : std::pair(chain->last, chain->first);
+      const auto [kept, gone] =
+          rank(chain->first) < rank(chain->last) ? std::pair(chain->first, chain->last) : std::pair(chain->last, chain->first);
       busy[kept] = busy[gone] = 1;
       united_[gone] = kept;
       altered_[kept] = 1;
@@ -276,8 +286,8 @@ class Pruner {
   const Features& features_;
   IdMap<CurveId, Link> links_;
   IdMap<CornerId, CornerId> united_;
-  IdMap<CornerId, std::uint8_t> altered_;     // others were united with it
-  IdMap<CornerId, std::vector<Step>> ends_;   // of alive curves, by united corner
+  IdMap<CornerId, std::uint8_t> altered_;  // others were united with it
+  IdMap<CornerId, std::vector<Step>> ends_;  // of alive curves, by united corner
   IdMap<ChartId, ChartId> chart_root_;
   IdMap<ChartId, double> area_;
   std::vector<Chain> chains_;

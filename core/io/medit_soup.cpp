@@ -6,9 +6,7 @@
 namespace strata::io {
 namespace {
 
-std::string face_name(int corners, std::size_t number) {
-  return (corners == 4 ? "quadrilateral " : "triangle ") + std::to_string(number);
-}
+std::string face_name(int corners, std::size_t number) { return (corners == 4 ? "quadrilateral " : "triangle ") + std::to_string(number); }
 
 }  // namespace
 

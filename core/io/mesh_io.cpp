@@ -30,8 +30,7 @@ void write_mesh(const HexMesh& mesh, MeshFormat format, const WriteOptions& opti
 
 void write_mesh_file(const HexMesh& mesh, const std::string& path, const WriteOptions& options) {
   const auto format = mesh_format(path);
-  if (!format)
-    refuse(Reason::FormatUnknown, {}, shown(path) + " has an unknown ending; meshes are .mesh, .meshb, .vtu or .vtk");
+  if (!format) refuse(Reason::FormatUnknown, {}, shown(path) + " has an unknown ending; meshes are .mesh, .meshb, .vtu or .vtk");
   const std::string unfinished = path + ".part";
   try {
     std::ofstream file(unfinished, std::ios::binary | std::ios::trunc);

@@ -20,8 +20,6 @@ inline std::int32_t reference_of_hex(const HexMesh& mesh, std::size_t h) {
 inline std::int32_t reference_of_quad(const HexMesh& mesh, std::size_t q) {
   return q < mesh.patch.size() ? mesh.patch[QuadId(q)].value + 1 : 0;
 }
-inline std::int32_t layer_of_hex(const HexMesh& mesh, std::size_t h) {
-  return h < mesh.layer.size() ? mesh.layer[HexId(h)] : 0;
-}
+inline std::int32_t layer_of_hex(const HexMesh& mesh, std::size_t h) { return h < mesh.layer.size() ? mesh.layer[HexId(h)] : 0; }
 
 }  // namespace strata::io

@@ -30,8 +30,7 @@ class GmfReader {
     const Place place = cursor_.place();
     version_ = cursor_.next<std::int32_t>("a version");
     if (version_ < 1 || version_ > 4)
-      refuse(Reason::FileMalformed, place, "expected GMF version 1, 2, 3 or 4, found " + std::to_string(version_),
-             {{"version", version_}});
+      refuse(Reason::FileMalformed, place, "expected GMF version 1, 2, 3 or 4, found " + std::to_string(version_), {{"version", version_}});
     while (read_block()) {
     }
     return soup_.finish();
@@ -99,9 +98,7 @@ class GmfReader {
   }
 
   [[nodiscard]] std::size_t integer_bytes() const { return version_ >= 4 ? 8 : 4; }
-  std::int64_t integer(const char* what) {
-    return version_ >= 4 ? cursor_.next<std::int64_t>(what) : cursor_.next<std::int32_t>(what);
-  }
+  std::int64_t integer(const char* what) { return version_ >= 4 ? cursor_.next<std::int64_t>(what) : cursor_.next<std::int32_t>(what); }
   double real() { return version_ >= 2 ? cursor_.next<double>("a coordinate") : cursor_.next<float>("a coordinate"); }
 
   std::size_t size_;

@@ -119,9 +119,7 @@ class HeaderReader {
   void read_element(Place place) {
     Element element;
     element.name = cursor_.word();
-    element.kind = element.name == "vertex" ? Element::Kind::Vertex
-                   : element.name == "face" ? Element::Kind::Face
-                                            : Element::Kind::Other;
+    element.kind = element.name == "vertex" ? Element::Kind::Vertex : element.name == "face" ? Element::Kind::Face : Element::Kind::Other;
     element.count = cursor_.count("the number of elements");
     element.place = place;
     header_.elements.push_back(std::move(element));

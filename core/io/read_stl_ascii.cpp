@@ -124,7 +124,7 @@ void name_patches(const std::vector<Piece>& pieces, TriangleSoup& soup) {
   for (const Piece& piece : pieces) {
     for (const SolidStart& solid : piece.solids) {
       soup.patch.resize(base + solid.triangle, patch);
-      patch = names.patch(!any_name             ? std::string(kUnnamedPatch)
+      patch = names.patch(!any_name            ? std::string(kUnnamedPatch)
                           : solid.name.empty() ? "solid_" + std::to_string(solid_number)
                                                : std::string(solid.name));
       ++solid_number;

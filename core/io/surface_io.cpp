@@ -43,8 +43,7 @@ TriangleSoup read_surface_file(const std::string& path) {
   const std::string name = std::filesystem::path(path).filename().string();
   try {
     const auto format = surface_format(name);
-    if (!format)
-      refuse(Reason::FormatUnknown, {}, "the ending is unknown; surfaces are .stl, .obj, .off, .ply, .mesh or .meshb");
+    if (!format) refuse(Reason::FormatUnknown, {}, "the ending is unknown; surfaces are .stl, .obj, .off, .ply, .mesh or .meshb");
     return read_surface(read_bytes(path), *format);
   } catch (const MeshError& error) {
     Diagnostic diagnostic = error.diagnostic();

@@ -70,9 +70,8 @@ std::vector<Array> arrays_of(const HexMesh& mesh) {
                     }});
   arrays.push_back({"type=\"Int32\" Name=\"connectivity\"", sizeof(std::int32_t), 8 * hexes + 4 * mesh.quads.size(),
                     [&mesh](std::size_t begin, std::size_t end, std::string& out) { append_connectivity(mesh, begin, end, out); }});
-  arrays.push_back({"type=\"Int64\" Name=\"offsets\"", sizeof(std::int64_t), cells, appender<std::int64_t>([hexes](std::size_t c) {
-                      return c < hexes ? 8 * (c + 1) : 8 * hexes + 4 * (c + 1 - hexes);
-                    })});
+  arrays.push_back({"type=\"Int64\" Name=\"offsets\"", sizeof(std::int64_t), cells,
+                    appender<std::int64_t>([hexes](std::size_t c) { return c < hexes ? 8 * (c + 1) : 8 * hexes + 4 * (c + 1 - hexes); })});
   arrays.push_back({"type=\"UInt8\" Name=\"types\"", sizeof(std::uint8_t), cells,
                     appender<std::uint8_t>([&mesh](std::size_t c) { return vtk_type(mesh, c); })});
   arrays.push_back({"type=\"Int32\" Name=\"ref\"", sizeof(std::int32_t), cells,
@@ -89,8 +88,8 @@ std::string compress_block(const Array& array, std::size_t block, int level) {
   array.append_values(block * per_block, std::min(array.values, (block + 1) * per_block), plain);
   std::string packed(compressBound(plain.size()), '\0');
   uLongf size = packed.size();
-  const int status = compress2(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(plain.data()),
-                               plain.size(), level);
+  const int status =
+      compress2(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(plain.data()), plain.size(), level);
   if (status != Z_OK) throw std::runtime_error("zlib cannot compress a block: status " + std::to_string(status));
   packed.resize(size);
   return packed;
@@ -114,8 +113,9 @@ void write_header(const HexMesh& mesh, const std::vector<Array>& arrays, ByteStr
     tags.push_back("        <DataArray " + array.tag + " format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
     offset += array.bytes_in_file();
   }
-  out.write("<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
-            "header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n  <UnstructuredGrid>\n");
+  out.write(
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n  <UnstructuredGrid>\n");
   out.write("    <Piece NumberOfPoints=\"" + std::to_string(mesh.position.size()) + "\" NumberOfCells=\"" +
             std::to_string(mesh.hexes.size() + mesh.quads.size()) + "\">\n");
   out.write("      <Points>\n" + tags[kPoints] + "      </Points>\n");

@@ -32,8 +32,7 @@ SheetRequest round_fronts(const HexMesh& mesh, const Facets& facets, const std::
   request.strip = StripTakes::Inner;
   request.inner.assign(mesh.hexes.size(), 0);
   for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f)
-    if (facets.exists(f) && std::binary_search(fronts.begin(), fronts.end(), facets.front(f)))
-      request.inner[facets.hex_face(f).hex] = 1;
+    if (facets.exists(f) && std::binary_search(fronts.begin(), fronts.end(), facets.front(f))) request.inner[facets.hex_face(f).hex] = 1;
   request.faces = faces_between(mesh, request.inner);
   // A hex with a second quad, beyond the border: the sheet passes between it and that quad.
   for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
@@ -89,8 +88,7 @@ IdMap<VertexId, Vec3> pulls(const HexMesh& mesh, const Sheet& sheet, HexId first
 
 }  // namespace
 
-std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<FrontIndex>& fronts, const Ground& ground,
-                                      Context& context) {
+std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<FrontIndex>& fronts, const Ground& ground, Context& context) {
   const SheetRequest request = round_fronts(mesh, Facets(mesh), fronts);
   if (request.faces.empty() || !pinched_vertices(mesh, request).empty()) return std::nullopt;
   const std::int64_t allowed = not_positive(mesh);

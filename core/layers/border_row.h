@@ -15,7 +15,6 @@ class Context;
 // Wraps the hexes that sit on the given fronts (ascending) in a sheet whose strips belong to these fronts: then every vertex of their
 // outer border has exactly two of their quads, each with one edge on the border, whatever the corners. One layer of hexes more under the
 // fronts. Nothing: the sheet would pinch or leave a hex that is not positive.
-std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<FrontIndex>& fronts, const Ground& ground,
-                                      Context& context);
+std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<FrontIndex>& fronts, const Ground& ground, Context& context);
 
 }  // namespace strata

@@ -141,8 +141,7 @@ void attach_copies(HexMesh& mesh, const IdMap<VertexId, VertexId>& inner_copy, c
     const auto within = [&](CurveId c) {
       const Curve& curve = features.curves[c];
       if (charts.size() == 2) return joins(curve, charts[0], charts[1]);
-      return std::binary_search(charts.begin(), charts.end(), curve.left) &&
-             std::binary_search(charts.begin(), charts.end(), curve.right);
+      return std::binary_search(charts.begin(), charts.end(), curve.left) && std::binary_search(charts.begin(), charts.end(), curve.right);
     };
     if (before.hold == Hold::Curve && within(CurveId(before.of))) {
       now = before;

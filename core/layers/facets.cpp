@@ -40,7 +40,9 @@ double angle_between(const Vec3& axis, const Vec3& u, const Vec3& v) {
 }  // namespace
 
 Facets::Facets(const HexMesh& mesh)
-    : mesh_(&mesh), sides_(quad_sides(mesh)), neighbours_(face_neighbours(mesh)),
+    : mesh_(&mesh),
+      sides_(quad_sides(mesh)),
+      neighbours_(face_neighbours(mesh)),
       facet_at_(mesh.hexes.size(), {kNoFacet, kNoFacet, kNoFacet, kNoFacet, kNoFacet, kNoFacet}) {
   for (QuadId q : mesh.quads.ids()) {
     const QuadSides& s = sides_[q];
@@ -69,8 +71,7 @@ FacetNeighbour Facets::neighbour(FacetIndex facet, int edge) const {
     const HexVertices& hex = mesh_->hexes[at.hex];
     const int face = other_face(hex, at.face, a, b);
     if (face < 0) return {};
-    result.angle += angle_between(axis, across(*mesh_, face_vertices(hex, at.face), a, b),
-                                  across(*mesh_, face_vertices(hex, face), a, b));
+    result.angle += angle_between(axis, across(*mesh_, face_vertices(hex, at.face), a, b), across(*mesh_, face_vertices(hex, face), a, b));
     result.facet = facet_at_[at.hex][static_cast<std::size_t>(face)];
     if (result.facet != kNoFacet) return result;
     at = neighbours_[at.hex][static_cast<std::size_t>(face)];

@@ -40,9 +40,7 @@ class Facets {
   [[nodiscard]] bool exists(FacetIndex facet) const { return hex_face(facet).hex.valid(); }
   [[nodiscard]] FaceNeighbour hex_face(FacetIndex facet) const;           // the hex that sees the quad, and its face
   [[nodiscard]] bool on_interface(FacetIndex facet) const { return sides_[quad_of(facet)].front.valid(); }
-  [[nodiscard]] FrontIndex front(FacetIndex facet) const {
-    return front_of(mesh_->chart[quad_of(facet)], side_of(facet));
-  }
+  [[nodiscard]] FrontIndex front(FacetIndex facet) const { return front_of(mesh_->chart[quad_of(facet)], side_of(facet)); }
   // Counter-clockwise seen from outside the hex.
   [[nodiscard]] QuadVertices vertices(FacetIndex facet) const;
   // Across the edge from vertices(facet)[edge] to the next.

@@ -218,7 +218,8 @@ void Grower::collapse_wedges() {
     Columns kept;
     const Columns& all = sheets[i].growing.columns;
     for (std::size_t c = 0; c < all.size(); ++c)
-      if (!std::binary_search(gone.begin(), gone.end(), all.bottom[c])) kept.bottom.push_back(all.bottom[c]), kept.top.push_back(all.top[c]);
+      if (!std::binary_search(gone.begin(), gone.end(), all.bottom[c]))
+        kept.bottom.push_back(all.bottom[c]), kept.top.push_back(all.top[c]);
     sheets[i].growing.columns = std::move(kept);
   }
 }
@@ -385,7 +386,8 @@ Attempt attempt(HexMesh mesh, const Request& request, Context& context) {
     context.checkpoint();
     const auto group = static_cast<std::int32_t>(g);
     // Groups that touch grow one after the other, so that the later one finds the walls of the earlier one pushed aside.
-    if (grower.plan.groups[g].wedge_vertices.empty() && grower.touches_sheets_from(opened, group)) grower.lift_from(opened), opened = grower.sheets.size();
+    if (grower.plan.groups[g].wedge_vertices.empty() && grower.touches_sheets_from(opened, group))
+      grower.lift_from(opened), opened = grower.sheets.size();
     grower.insert(group);
     if (!grower.failed.empty()) {
       result.failed = std::move(grower.failed);

@@ -91,9 +91,8 @@ std::vector<Goal> goals_of(const HexMesh& mesh, const std::vector<GrowingSheet>&
         goals[g].common = goals[static_cast<std::size_t>(beside)].bottom[k];
   }
   std::erase_if(goals, [](const Goal& g) { return !g.active; });
-  std::stable_sort(goals.begin(), goals.end(), [](const Goal& a, const Goal& b) {
-    return a.sheets != b.sheets ? a.sheets < b.sheets : a.top < b.top;
-  });
+  std::stable_sort(goals.begin(), goals.end(),
+                   [](const Goal& a, const Goal& b) { return a.sheets != b.sheets ? a.sheets < b.sheets : a.top < b.top; });
   return goals;
 }
 
@@ -174,7 +173,8 @@ IdMap<VertexId, std::uint8_t> movable_vertices(const HexMesh& mesh, const std::v
   return movable;
 }
 
-IdMap<VertexId, std::uint8_t> tops_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active) {
+IdMap<VertexId, std::uint8_t> tops_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets,
+                                      const std::vector<std::uint8_t>& active) {
   IdMap<VertexId, std::uint8_t> tops(mesh.position.size(), 0);
   for (std::size_t s = 0; s < sheets.size(); ++s)
     for (std::size_t c = 0; active[s] && c < sheets[s].columns.size(); ++c) tops[sheets[s].columns.top[c]] = 1;
@@ -201,8 +201,8 @@ HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::
   return optimise(std::move(mesh), request, options, context).mesh;
 }
 
-HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
-                const Ground& ground, int rounds, Context& context) {
+HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
+                int rounds, Context& context) {
   const std::vector<Goal> goals = goals_of(mesh, sheets, active);
   const VertexStars<HexId> stars = hexes_round_vertices(mesh);
   const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets, stars);

@@ -30,8 +30,8 @@ HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::
 
 // Moves the tops of the active sheets to their thickness, in steps that keep every hex positive, and lets the rest of the mesh give way
 // between: walls of other sheets slide on their charts, inner sheets keep their shape. Bottoms of active sheets do not move.
-HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active,
-                const Ground& ground, int rounds, Context& context);
+HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
+                int rounds, Context& context);
 
 // Height of a column normal to the wall, as it is.
 double height_of(const HexMesh& mesh, const GrowingSheet& sheet, std::size_t column);

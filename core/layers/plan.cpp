@@ -63,9 +63,7 @@ struct Planner {
 
   [[nodiscard]] PatchId patch_of(FrontIndex f) const { return features.patch_of_chart[ChartId(f / 2)]; }
   [[nodiscard]] const std::string& name_of(FrontIndex f) const { return surface.patch_names[patch_of(f)]; }
-  [[nodiscard]] const LayerSpec& entry_of(FrontIndex f) const {
-    return entries[static_cast<std::size_t>(wishes[patch_of(f)].entry)];
-  }
+  [[nodiscard]] const LayerSpec& entry_of(FrontIndex f) const { return entries[static_cast<std::size_t>(wishes[patch_of(f)].entry)]; }
   [[nodiscard]] bool growing(FrontIndex f) const { return f != kNoFront && grows[static_cast<std::size_t>(f)] != 0; }
 
   void find_growing_fronts();
@@ -117,7 +115,8 @@ void Planner::measure_pairs() {
       const FrontIndex other = facets.front(n.facet);
       if (other == front || other == kNoFront) continue;
       // A pair with layers on both sides is seen twice; both halves count alike.
-      const double length = (mesh.position[q[static_cast<std::size_t>(e)]] - mesh.position[q[static_cast<std::size_t>((e + 1) & 3)]]).norm();
+      const double length =
+          (mesh.position[q[static_cast<std::size_t>(e)]] - mesh.position[q[static_cast<std::size_t>((e + 1) & 3)]]).norm();
       FrontPair& pair = pairs[{std::min(front, other), std::max(front, other)}];
       pair.length += length;
       pair.angle += length * n.angle;
@@ -145,9 +144,8 @@ void Planner::form_groups() {
     if (asked_cross && m == Meeting::Regular) ending_changed(a, b, "too flat to cross-imprint, joined regularly");
     order.push_back({a, b, m == Meeting::Regular, asked, pair.length * std::abs(pair.angle - kJointBeatsCross)});
   }
-  std::stable_sort(order.begin(), order.end(), [](const Wish& x, const Wish& y) {
-    return x.asked != y.asked ? x.asked : x.weight > y.weight;
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [](const Wish& x, const Wish& y) { return x.asked != y.asked ? x.asked : x.weight > y.weight; });
   DisjointSets sets(grows.size());
   std::set<std::pair<std::int32_t, std::int32_t>> apart;   // fronts that must differ, by wish
   const auto must_differ = [&](std::int32_t ra, std::int32_t rb) {
@@ -330,8 +328,7 @@ Ending ending_towards(const LayerSpec& entry, const std::string& neighbour) {
 }
 
 Meeting meeting_of_layers(Ending a, Ending b, double angle) {
-  if (a == Ending::CrossImprint || b == Ending::CrossImprint)
-    return angle < kCrossFeasible ? Meeting::CrossImprint : Meeting::Regular;
+  if (a == Ending::CrossImprint || b == Ending::CrossImprint) return angle < kCrossFeasible ? Meeting::CrossImprint : Meeting::Regular;
   if (a == Ending::Regular || b == Ending::Regular) return Meeting::Regular;
   return angle <= kJointBeatsCross ? Meeting::CrossImprint : Meeting::Regular;
 }

@@ -180,8 +180,8 @@ void continue_columns(const Cut& cut, Stack& other) {
     const VertexId over = other.columns.top[static_cast<std::size_t>(low)];
     if (cut.column_on[over] < 0 || !cut.is_column(over, other.columns.top[static_cast<std::size_t>(high)])) continue;
     for (int i = 1; i < cut.cells(); ++i)
-      fresh.push_back({cut.point(crossed.bottom[c], i), cut.point(over, i), static_cast<std::size_t>(low),
-                       static_cast<std::size_t>(high), cut.stack->level[c * cells + static_cast<std::size_t>(i - 1)]});
+      fresh.push_back({cut.point(crossed.bottom[c], i), cut.point(over, i), static_cast<std::size_t>(low), static_cast<std::size_t>(high),
+                       cut.stack->level[c * cells + static_cast<std::size_t>(i - 1)]});
   }
   // New vertices have the largest ids, in the order of their columns: the list stays sorted.
   for (const New& n : fresh) {
@@ -232,8 +232,8 @@ void add_wedge_hexes(HexMesh& mesh, const Cut& cut) {
     const std::size_t i = tip_of(prism);
     const VertexId a = prism[i], b = prism[(i + 1) & 3], c = prism[(i + 2) & 3], d = prism[(i + 3) & 3];
     for (int k = 0; k + 2 <= cut.cells(); k += 2) {
-      mesh.hexes.push_back({a, cut.point(d, k), cut.point(d, k + 1), cut.point(d, k + 2), b, cut.point(c, k), cut.point(c, k + 1),
-                            cut.point(c, k + 2)});
+      mesh.hexes.push_back(
+          {a, cut.point(d, k), cut.point(d, k + 1), cut.point(d, k + 2), b, cut.point(c, k), cut.point(c, k + 1), cut.point(c, k + 2)});
       mesh.region.push_back(cut.stack->prisms.region[p]);
       mesh.layer.push_back(static_cast<std::uint16_t>(k + 1));
     }

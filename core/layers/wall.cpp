@@ -27,8 +27,7 @@ std::vector<FacetIndex> wall_of_group(const HexMesh& mesh, const LayerPlan& plan
     if (q.index() < widened.size() && widened[q.index()] == group) wall.push_back(facet_of(q, FacetSide::Back));
     if (!mesh.chart[q].valid()) continue;
     for (FacetSide side : {FacetSide::Back, FacetSide::Front})
-      if (plan.group_of_front[static_cast<std::size_t>(front_of(mesh.chart[q], side))] == group)
-        wall.push_back(facet_of(q, side));
+      if (plan.group_of_front[static_cast<std::size_t>(front_of(mesh.chart[q], side))] == group) wall.push_back(facet_of(q, side));
   }
   return wall;
 }
@@ -75,9 +74,7 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
   for (FacetIndex f : wall)
     for (std::size_t i = 0; i < 4; ++i)
       if (const std::int32_t c = columns.find(mesh.quads[quad_of(f)][i]); c >= 0) at.push_back({c, f, static_cast<std::int32_t>(i)});
-  std::sort(at.begin(), at.end(), [](const At& a, const At& b) {
-    return a.column != b.column ? a.column < b.column : a.facet < b.facet;
-  });
+  std::sort(at.begin(), at.end(), [](const At& a, const At& b) { return a.column != b.column ? a.column < b.column : a.facet < b.facet; });
   std::vector<Vec3> normals;
   for (std::size_t i = 0; i < at.size();) {
     const auto c = static_cast<std::size_t>(at[i].column);
@@ -124,14 +121,17 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
 std::vector<double> thickness_at(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns,
                                  const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws, const Locator& locator) {
   std::vector<double> thickness(columns.size());
-  parallel_for(columns.size(), [&](std::size_t c) {
-    thickness[c] = wished_thickness(laws[c], feet[c].size);
-    if (mesh.attachment[columns.top[c]].hold != Hold::Free) return;   // a ray along the surface hits it
-    const Vec3 from = mesh.position[columns.bottom[c]] + feet[c].direction * (kRayStart * feet[c].size);
-    const double limit = thickness[c] * feet[c].stretch / kGapShare;
-    if (const auto hit = locator.first_hit(from, feet[c].direction, limit))
-      thickness[c] = std::min(thickness[c], std::max(hit->s * kGapShare / feet[c].stretch, kRayStart * feet[c].size));
-  }, 256);
+  parallel_for(
+      columns.size(),
+      [&](std::size_t c) {
+        thickness[c] = wished_thickness(laws[c], feet[c].size);
+        if (mesh.attachment[columns.top[c]].hold != Hold::Free) return;   // a ray along the surface hits it
+        const Vec3 from = mesh.position[columns.bottom[c]] + feet[c].direction * (kRayStart * feet[c].size);
+        const double limit = thickness[c] * feet[c].stretch / kGapShare;
+        if (const auto hit = locator.first_hit(from, feet[c].direction, limit))
+          thickness[c] = std::min(thickness[c], std::max(hit->s * kGapShare / feet[c].stretch, kRayStart * feet[c].size));
+      },
+      256);
   for (int sweep = 0; sweep < kSlopeSweeps; ++sweep) {
     bool changed = false;
     for (FacetIndex f : wall) {

@@ -69,7 +69,7 @@ FaceNeighbours face_neighbours(const HexMesh& mesh) {
     for (HexId h : mesh.hexes.ids())
       for (int f = 0; f < 6; ++f)
         faces[static_cast<std::size_t>(next[smallest(h, f).index()]++)] = {sorted(face_vertices(mesh.hexes[h], f)), h,
-                                                                          static_cast<std::int8_t>(f)};
+                                                                           static_cast<std::int8_t>(f)};
   }
   FaceNeighbours result(mesh.hexes.size());
   parallel_for(vertex_count, [&](std::size_t v) {

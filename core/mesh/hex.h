@@ -38,9 +38,18 @@ inline constexpr std::array<std::array<std::int8_t, 3>, 8> kHexCorners{{
 
 // The twelve edges: 0-3 along x, 4-7 along y, 8-11 along z.
 inline constexpr std::array<std::array<std::int8_t, 2>, 12> kHexEdges{{
-    {0, 1}, {3, 2}, {4, 5}, {7, 6},
-    {0, 3}, {1, 2}, {4, 7}, {5, 6},
-    {0, 4}, {1, 5}, {3, 7}, {2, 6},
+    {0, 1},
+    {3, 2},
+    {4, 5},
+    {7, 6},
+    {0, 3},
+    {1, 2},
+    {4, 7},
+    {5, 6},
+    {0, 4},
+    {1, 5},
+    {3, 7},
+    {2, 6},
 }};
 
 inline constexpr int opposite_face(int face) { return face ^ 1; }

@@ -35,7 +35,7 @@ constexpr std::array<std::array<Step, 27>, 8> make_steps() {
         weight *= 3;
       }
       steps[static_cast<std::size_t>(child)][static_cast<std::size_t>(slot)] = {static_cast<std::uint8_t>(parent_slot),
-                                                                               static_cast<std::uint8_t>(of_child)};
+                                                                                static_cast<std::uint8_t>(of_child)};
     }
   }
   return steps;

@@ -40,7 +40,7 @@ struct Sets {  // disjoint sets of blocks; the root of the tree's border is one 
 std::vector<FaceLeaves> leaves_across_faces(const Octree& octree) {
   std::vector<FaceLeaves> across(octree.block_count());
   for_each_leaf(make_block_tree(octree), [&](std::size_t block, const Neighbourhood& around) {
-    across[block] = {around[neighbour_slot(-1, 0, 0)], around[neighbour_slot(1, 0, 0)], around[neighbour_slot(0, -1, 0)],
+    across[block] = {around[neighbour_slot(-1, 0, 0)], around[neighbour_slot(1, 0, 0)],  around[neighbour_slot(0, -1, 0)],
                      around[neighbour_slot(0, 1, 0)],  around[neighbour_slot(0, 0, -1)], around[neighbour_slot(0, 0, 1)]};
   });
   return across;
@@ -63,8 +63,7 @@ void mark_outside(Octree& octree, const Surface& surface) {
   for (std::size_t b = 0; b < count; ++b) {
     if (octree.cut[b] != 0) continue;
     for (const NodeRef other : across[b]) {
-      if (other == kOutside)
-        sets.join(static_cast<std::int32_t>(b), border);
+      if (other == kOutside) sets.join(static_cast<std::int32_t>(b), border);
       else if (is_leaf(other) && octree.cut[leaf_index(other)] == 0)
         sets.join(static_cast<std::int32_t>(b), static_cast<std::int32_t>(leaf_index(other)));
     }

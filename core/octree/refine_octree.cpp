@@ -72,9 +72,11 @@ class Nearness {
   [[nodiscard]] bool near(const Cube& cube, std::int32_t triangle) const {
     const Box& box = boxes_[static_cast<std::size_t>(triangle)];
     const double inflation = kInflation * cube.edge + slack_;
-    if ((box.min.array() > cube.low.array() + cube.edge + inflation).any() || (box.max.array() < cube.low.array() - inflation).any()) return false;
+    if ((box.min.array() > cube.low.array() + cube.edge + inflation).any() || (box.max.array() < cube.low.array() - inflation).any())
+      return false;
     if (box.extent().maxCoeff() < kSmallTriangle * cube.edge) return true;
-    return !TriangleAxes(surface_.corners(TriangleId(triangle))).separate(cube.low + Vec3::Constant(cube.edge / 2), cube.edge / 2 + inflation);
+    return !TriangleAxes(surface_.corners(TriangleId(triangle)))
+                .separate(cube.low + Vec3::Constant(cube.edge / 2), cube.edge / 2 + inflation);
   }
 
   [[nodiscard]] bool meets_surface_box(const Cube& cube) const {
@@ -92,10 +94,8 @@ class Nearness {
 bool meets(const SizeSource& source, const Cube& cube) {
   const Vec3 high = cube.low + Vec3::Constant(cube.edge);
   switch (source.shape) {
-    case SizeSource::Shape::Box:
-      return (cube.low.array() <= source.b.array()).all() && (high.array() >= source.a.array()).all();
-    case SizeSource::Shape::Sphere:
-      return (source.a - source.a.cwiseMax(cube.low).cwiseMin(high)).norm() <= source.radius;
+    case SizeSource::Shape::Box: return (cube.low.array() <= source.b.array()).all() && (high.array() >= source.a.array()).all();
+    case SizeSource::Shape::Sphere: return (source.a - source.a.cwiseMax(cube.low).cwiseMin(high)).norm() <= source.radius;
     case SizeSource::Shape::Cylinder: {
       const double ball = 0.5 * std::sqrt(3.0) * cube.edge;
       const double length = (source.b - source.a).norm();
@@ -140,8 +140,8 @@ std::vector<std::uint8_t> nodes_to_split(const TreeLevel& nodes, const RootCube&
   parallel_for(nodes.code.size(), [&](std::size_t n) {
     const auto begin = nodes.triangle.begin() + nodes.first[n];
     const auto end = nodes.triangle.begin() + nodes.first[n + 1];
-    const bool surface_asks = std::any_of(
-        begin, end, [&](std::int32_t t) { return targets.of_triangle[static_cast<std::size_t>(t)] > nodes.level; });
+    const bool surface_asks =
+        std::any_of(begin, end, [&](std::int32_t t) { return targets.of_triangle[static_cast<std::size_t>(t)] > nodes.level; });
     if (surface_asks) {
       splits[n] = 1;
       return;
@@ -235,7 +235,8 @@ void mark_cut(Octree& octree, CutLeaves cut, const Surface& surface, const RootC
   const Nearness nearness(surface, root);
   parallel_sort(cut.leaves.begin(), cut.leaves.end(), [](const auto& a, const auto& b) { return a.key < b.key; });
   parallel_for(octree.block_count(), [&](std::size_t b) {
-    auto leaf = std::upper_bound(cut.leaves.begin(), cut.leaves.end(), octree.key[b], [](std::uint64_t key, const auto& l) { return key < l.key; });
+    auto leaf =
+        std::upper_bound(cut.leaves.begin(), cut.leaves.end(), octree.key[b], [](std::uint64_t key, const auto& l) { return key < l.key; });
     if (leaf == cut.leaves.begin()) return;
     --leaf;
     if (octree.key[b] >> key_shift(leaf->level) != leaf->key >> key_shift(leaf->level)) return;

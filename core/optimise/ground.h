@@ -16,7 +16,7 @@ namespace strata {
 struct Foothold {
   Vec3 position = Vec3::Zero();
   Vec3 direction = Vec3::Zero();   // chart: unit normal; curve: unit tangent; else zero
-  std::int32_t hint = -1;          // triangle (chart) or segment (curve): pass back to the next question for speed; never changes answers
+  std::int32_t hint = -1;  // triangle (chart) or segment (curve): pass back to the next question for speed; never changes answers
 };
 
 class Ground {
@@ -36,8 +36,8 @@ class Ground {
   const Surface* surface_;
   const Features* features_;
   Locator whole_;
-  std::vector<Locator> charts_;    // by ChartId
-  std::vector<Polyline> curves_;   // by CurveId
+  std::vector<Locator> charts_;  // by ChartId
+  std::vector<Polyline> curves_;  // by CurveId
 };
 
 }  // namespace strata

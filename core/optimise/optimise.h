@@ -17,30 +17,30 @@ class Context;
 using HexTarget = std::array<float, 3>;
 
 struct OptimiseOptions {
-  int sweeps = 10;                      // Gauss-Seidel sweeps at most; stops early when nothing moves. Untangling before them and the last
-                                        // steps of held vertices after them have budgets of their own
-  int rings = -1;                       // with `seeds`: how many rings of vertices round them take part; -1: all vertices
-  int arrival_sweeps = 20;              // more sweeps at most, while held vertices are still on their way to their geometry
-  double power = 3;                     // exponent on the mean ratio of each corner: larger looks more at the worst; rounded to a multiple
-                                        // of 3/2 (which needs no cube root)
-  bool project = true;                  // draw held vertices that are off their geometry towards it, never inverting a hex
-  double min_scaled_jacobian = 0.02;    // a projection step may not push a hex that is above this below it
+  int sweeps = 10;  // Gauss-Seidel sweeps at most; stops early when nothing moves. Untangling before them and the last
+      // steps of held vertices after them have budgets of their own
+  int rings = -1;  // with `seeds`: how many rings of vertices round them take part; -1: all vertices
+  int arrival_sweeps = 20;  // more sweeps at most, while held vertices are still on their way to their geometry
+  double power = 3;  // exponent on the mean ratio of each corner: larger looks more at the worst; rounded to a multiple
+      // of 3/2 (which needs no cube root)
+  bool project = true;  // draw held vertices that are off their geometry towards it, never inverting a hex
+  double min_scaled_jacobian = 0.02;  // a projection step may not push a hex that is above this below it
 };
 
 struct OptimiseRequest {
-  const Ground* ground = nullptr;                   // null: held vertices do not move at all
-  const IdMap<VertexId, std::uint8_t>* movable = nullptr;   // null: all but Corner and Fixed; else 1: may move
-  const IdMap<VertexId, std::uint8_t>* seeds = nullptr;     // null: everything
-  const IdMap<HexId, HexTarget>* targets = nullptr;         // null: cubes
+  const Ground* ground = nullptr;  // null: held vertices do not move at all
+  const IdMap<VertexId, std::uint8_t>* movable = nullptr;  // null: all but Corner and Fixed; else 1: may move
+  const IdMap<VertexId, std::uint8_t>* seeds = nullptr;  // null: everything
+  const IdMap<HexId, HexTarget>* targets = nullptr;  // null: cubes
 };
 
 struct OptimiseResult {
   HexMesh mesh;
-  double min_scaled_jacobian = 0;       // corners only
+  double min_scaled_jacobian = 0;  // corners only
   double mean_scaled_jacobian = 0;
-  std::int64_t inverted = 0;            // hexes with a corner determinant <= 0
-  double max_off_ground = 0;            // largest distance of a held vertex from its geometry, over the local edge length
-  std::int64_t off_ground = 0;          // held vertices further than 1e-9 (working frame) from their geometry
+  std::int64_t inverted = 0;  // hexes with a corner determinant <= 0
+  double max_off_ground = 0;  // largest distance of a held vertex from its geometry, over the local edge length
+  std::int64_t off_ground = 0;  // held vertices further than 1e-9 (working frame) from their geometry
   int sweeps = 0;
 };
 

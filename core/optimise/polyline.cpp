@@ -7,9 +7,7 @@ namespace {
 
 constexpr std::int32_t kRun = 16;  // segments a box; a curve of 10,000 segments costs some 600 box tests a question
 
-double distance2(const Box& box, const Vec3& p) {
-  return (box.min - p).cwiseMax(p - box.max).cwiseMax(0.0).squaredNorm();
-}
+double distance2(const Box& box, const Vec3& p) { return (box.min - p).cwiseMax(p - box.max).cwiseMax(0.0).squaredNorm(); }
 
 }  // namespace
 

@@ -76,7 +76,7 @@ class Star {
 
   struct Value {
     double energy = 0;
-    double worst = 0;   // largest u
+    double worst = 0;  // largest u
     bool sound = true;  // hexes that must stay sound have determinants above kFlat
   };
   [[nodiscard]] Value value(const Vec3& d, double eps, int exponent) const;
@@ -100,8 +100,8 @@ class Star {
   double size_ = 0;
   std::array<double, kMaxCorners> D_, gx_, gy_, gz_, N_, nx_, ny_, nz_, m_;
   std::array<std::uint8_t, kMaxCorners> sound_;
-  std::array<double, kMaxCorners> fixed_;              // product of the corner's constant edge lengths over det W^-1
-  std::array<Vec3, 3 * kMaxHexes> edge_;               // e_k - v
+  std::array<double, kMaxCorners> fixed_;  // product of the corner's constant edge lengths over det W^-1
+  std::array<Vec3, 3 * kMaxHexes> edge_;  // e_k - v
 };
 
 }  // namespace strata

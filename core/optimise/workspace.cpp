@@ -143,10 +143,8 @@ void Workspace::move(VertexId v, const Star& star, const Vec3& d) {
     for (int k = 0; k < 4; ++k) {
       const auto corner = k == 0 ? own : static_cast<std::uint8_t>(pattern.vertex[static_cast<std::size_t>(k - 1)]);
       const auto bit = static_cast<std::uint8_t>(1u << corner);
-      if (star.determinant(c + k, d) > Star::kFlat)
-        bad_[h] = static_cast<std::uint8_t>(bad_[h] & ~bit);
-      else
-        bad_[h] = static_cast<std::uint8_t>(bad_[h] | bit);
+      if (star.determinant(c + k, d) > Star::kFlat) bad_[h] = static_cast<std::uint8_t>(bad_[h] & ~bit);
+      else bad_[h] = static_cast<std::uint8_t>(bad_[h] | bit);
     }
   }
 }
@@ -168,8 +166,7 @@ void Workspace::wake_all() { active_ = movable_; }
 void Workspace::sleep_all() { active_.assign(active_.size(), 0); }
 
 std::int64_t Workspace::inverted() const {
-  return parallel_reduce(
-      bad_.size(), std::int64_t{0}, [&](std::size_t i) { return std::int64_t{bad_[HexId(i)] != 0}; }, std::plus<>());
+  return parallel_reduce(bad_.size(), std::int64_t{0}, [&](std::size_t i) { return std::int64_t{bad_[HexId(i)] != 0}; }, std::plus<>());
 }
 
 std::int64_t Workspace::off_ground() const {

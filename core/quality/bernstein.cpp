@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kBisections = 3;  // bounds converge quadratically: each bisection leaves about a quarter of the gap
 constexpr std::size_t kSide = 3;
-constexpr std::array<std::size_t, 3> kStride{1, kSide, kSide * kSide};
+constexpr std::array<std::size_t, 3> kStride{1, kSide, kSide* kSide};
 using Coefficients = std::array<double, kSide * kSide * kSide>;  // x runs fastest
 
 // Calls body(at) with the first index of each of the nine lines of coefficients along `axis`.

@@ -229,9 +229,8 @@ Found check_quads_per_hex(const HexMesh& mesh, const AllSides& sides) {
   for (const Sides& s : sides)
     for (HexId h : {s.back, s.front})
       if (h.valid()) ++count[h];
-  const std::size_t hex = first_failure(mesh.hexes.size(), [&](std::size_t h) {
-    return count[HexId(h)] > (mesh.layer[HexId(h)] > 0 ? kMostInLayers : 1);
-  });
+  const std::size_t hex =
+      first_failure(mesh.hexes.size(), [&](std::size_t h) { return count[HexId(h)] > (mesh.layer[HexId(h)] > 0 ? kMostInLayers : 1); });
   if (hex == kNone) return {};
   return broken_at(mesh, mesh.hexes[HexId(hex)], hex_name(hex) + " has " + std::to_string(count[HexId(hex)]) + " quads");
 }

@@ -177,10 +177,7 @@ std::vector<VertexId> pinched_vertices(const HexMesh& mesh, const SheetRequest& 
   std::vector<std::uint8_t> pinched(vertices.size(), 0);
   parallel_for(
       vertices.size(),
-      [&](std::size_t i) {
-        pinched[i] = !fans_are_single(mesh, star, vertices[i]) || !faces_are_one_run(star, vertices[i]);
-      },
-      kSheetGrain);
+      [&](std::size_t i) { pinched[i] = !fans_are_single(mesh, star, vertices[i]) || !faces_are_one_run(star, vertices[i]); }, kSheetGrain);
   std::vector<VertexId> result;
   for (std::size_t i = 0; i < vertices.size(); ++i)
     if (pinched[i] != 0) result.push_back(vertices[i]);
@@ -236,8 +233,7 @@ SheetInsertion insert_sheet(HexMesh mesh, const SheetRequest& request) {
   // Everything that is read from the mesh as it was, before it changes.
   const std::vector<Strip> strips = make_strips(mesh, star, request, copy);
   std::vector<std::uint8_t> quad_moves(star.quads().size(), 0);
-  parallel_for(
-      star.quads().size(), [&](std::size_t i) { quad_moves[i] = goes_inwards(mesh, star, star.quads()[i]); }, kSheetGrain);
+  parallel_for(star.quads().size(), [&](std::size_t i) { quad_moves[i] = goes_inwards(mesh, star, star.quads()[i]); }, kSheetGrain);
   std::vector<HexVertices> layer(request.faces.size());
   for (std::size_t i = 0; i < layer.size(); ++i) layer[i] = hex_over(star.face(static_cast<std::int32_t>(i)), copy);
 

@@ -22,8 +22,8 @@ constexpr double kFacing = -0.5;
 constexpr double kStart = 1e-7;        // rays start this far off the surface: beyond rounding, below any gap that can be meshed
 constexpr double kReach = 0.5;         // wider gaps than this part of the box ask for nothing useful
 
-double median_width(const Surface& surface, const Features& features, const Locator& locator, const IdMap<TriangleId, std::array<ChartId, 3>>& beside,
-                    TriangleId t, double side) {
+double median_width(const Surface& surface, const Features& features, const Locator& locator,
+                    const IdMap<TriangleId, std::array<ChartId, 3>>& beside, TriangleId t, double side) {
   const auto [a, b, c] = surface.corners(t);
   const Vec3 centre = (a + b + c) / 3;
   const Vec3 normal = side * surface.normal[t];
@@ -73,7 +73,8 @@ IdMap<TriangleId, double> size_by_gaps(const Surface& surface, const Features& f
       count,
       [&](std::size_t index) {
         const TriangleId t(index);
-        const double width = std::min(median_width(surface, features, locator, beside, t, 1), median_width(surface, features, locator, beside, t, -1));
+        const double width =
+            std::min(median_width(surface, features, locator, beside, t, 1), median_width(surface, features, locator, beside, t, -1));
         size[t] = width / cells;
       },
       256);

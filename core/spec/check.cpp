@@ -57,19 +57,23 @@ class Checker {
   }
 
   void above(const std::string& field, double value, double limit) {
-    if (!(value > limit) || !std::isfinite(value)) fault(Reason::SpecInvalid, field, text(value) + " must be more than " + text(limit), {}, {{"value", value}});
+    if (!(value > limit) || !std::isfinite(value))
+      fault(Reason::SpecInvalid, field, text(value) + " must be more than " + text(limit), {}, {{"value", value}});
   }
   void at_least(const std::string& field, double value, double limit) {
-    if (!(value >= limit) || !std::isfinite(value)) fault(Reason::SpecInvalid, field, text(value) + " must be at least " + text(limit), {}, {{"value", value}});
+    if (!(value >= limit) || !std::isfinite(value))
+      fault(Reason::SpecInvalid, field, text(value) + " must be at least " + text(limit), {}, {{"value", value}});
   }
   void at_most(const std::string& field, double value, double limit, double shown_per_unit = 1) {
     if (value > limit)
-      fault(Reason::SpecInvalid, field, text(value * shown_per_unit) + " must be at most " + text(limit * shown_per_unit), {}, {{"value", value * shown_per_unit}});
+      fault(Reason::SpecInvalid, field, text(value * shown_per_unit) + " must be at most " + text(limit * shown_per_unit), {},
+            {{"value", value * shown_per_unit}});
   }
   void between_angles(const std::string& field, double radians, double low, double high) {
     constexpr double kDegrees = 180 / kPi;
     if (!(radians > low) || !(radians < high))
-      fault(Reason::SpecInvalid, field, text(radians * kDegrees) + " must lie between " + text(low * kDegrees) + " and " + text(high * kDegrees), {},
+      fault(Reason::SpecInvalid, field,
+            text(radians * kDegrees) + " must lie between " + text(low * kDegrees) + " and " + text(high * kDegrees), {},
             {{"value", radians * kDegrees}});
   }
   void finite(const std::string& field, const Vec3& p) {
@@ -193,7 +197,8 @@ void check_layer(const LayerSpec& layer, const std::string& field, Checker& chec
       check.found.push_back(e.diagnostic());
     }
   }
-  for (std::size_t i = 0; i < layer.neighbours.size(); ++i) check.patches(at(field + ".neighbours", i) + ".patches", layer.neighbours[i].patches);
+  for (std::size_t i = 0; i < layer.neighbours.size(); ++i)
+    check.patches(at(field + ".neighbours", i) + ".patches", layer.neighbours[i].patches);
   if (layer.side) check.at_least(field + ".side", *layer.side, 1);
   if (layer.blending == Blending::Count) check.at_least(field + ".blending", layer.blending_count, 0);
   for (std::size_t i = 0; i < layer.give_up.size(); ++i)
@@ -213,7 +218,8 @@ void check_patches_in_two_entries(const MeshSpec& spec, const std::vector<std::s
       for (std::size_t i = 0; i < j; ++i) {
         if (!holds(spec.layers[i], name)) continue;
         if (spec.layers[i].side && spec.layers[j].side && *spec.layers[i].side != *spec.layers[j].side) continue;
-        check.fault(Reason::PatchInTwoLayerEntries, at("layers", j) + ".patches", "patch " + quoted(name) + " is already in layers[" + std::to_string(i) + "]", name);
+        check.fault(Reason::PatchInTwoLayerEntries, at("layers", j) + ".patches",
+                    "patch " + quoted(name) + " is already in layers[" + std::to_string(i) + "]", name);
         break;
       }
     }

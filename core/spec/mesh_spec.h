@@ -26,9 +26,20 @@ struct PatchSize {
   std::vector<std::string> patches;  // names with * and ?
   double size = 0;                   // target edge length of the surface quads
 };
-struct BoxSize { Vec3 min, max; double size = 0; };
-struct SphereSize { Vec3 centre; double radius = 0; double size = 0; };
-struct CylinderSize { Vec3 from, to; double radius = 0; double size = 0; };
+struct BoxSize {
+  Vec3 min, max;
+  double size = 0;
+};
+struct SphereSize {
+  Vec3 centre;
+  double radius = 0;
+  double size = 0;
+};
+struct CylinderSize {
+  Vec3 from, to;
+  double radius = 0;
+  double size = 0;
+};
 struct SizingSpec {
   std::optional<double> max_size;    // bound for every cell; default: longest side of the bounding box / 16
   std::optional<double> min_size;

@@ -54,13 +54,15 @@ ResolvedLayers resolve(const LayerSpec& s, const std::string& field) {
   const auto& n = s.count;
   const auto &a = s.first_height, &b = s.last_height, &total = s.total_thickness, &r = s.growth;
   const auto count_from = [&](double value) {
-    if (!(value > 0.5) || !(value < kMostLayers + 0.5)) refuse(field, "the heights give " + text(value) + " layers; at least 1 and at most " + std::to_string(kMostLayers) + " are possible");
+    if (!(value > 0.5) || !(value < kMostLayers + 0.5))
+      refuse(field, "the heights give " + text(value) + " layers; at least 1 and at most " + std::to_string(kMostLayers) + " are possible");
     return static_cast<int>(std::lround(value));
   };
   if (n && *n == 0) return out;
   if (n) {
     out.count = *n;
-    if (out.count < 0 || out.count > kMostLayers) refuse(field + ".count", std::to_string(*n) + " must lie between 0 and " + std::to_string(kMostLayers));
+    if (out.count < 0 || out.count > kMostLayers)
+      refuse(field + ".count", std::to_string(*n) + " must lie between 0 and " + std::to_string(kMostLayers));
     const int k = out.count;
     if (a && (r || (!b && !total))) {
       out.first_height = *a;
@@ -96,7 +98,9 @@ ResolvedLayers resolve(const LayerSpec& s, const std::string& field) {
     out.growth = out.count > 1 ? std::pow(*b / *a, 1.0 / (out.count - 1)) : 1;
   } else if (a && b) {
     const double ratio = r.value_or(kGrowthDefault);
-    if (near(ratio, 1) || *b < *a) refuse(field, "first_height " + text(*a) + ", last_height " + text(*b) + " and growth " + text(ratio) + " do not tell the count; give it");
+    if (near(ratio, 1) || *b < *a)
+      refuse(field,
+             "first_height " + text(*a) + ", last_height " + text(*b) + " and growth " + text(ratio) + " do not tell the count; give it");
     out.count = count_from(1 + std::log(*b / *a) / std::log(ratio));
     out.first_height = *a;
     out.growth = out.count > 1 ? std::pow(*b / *a, 1.0 / (out.count - 1)) : 1;
@@ -108,7 +112,9 @@ ResolvedLayers resolve(const LayerSpec& s, const std::string& field) {
   } else if (b && total) {
     const double back = 1 / r.value_or(kGrowthDefault);
     const double left = 1 + *total / *b * (back - 1);
-    if (!near(back, 1) && !(left > 0)) refuse(field, "layers that grow by " + text(1 / back) + " to last_height " + text(*b) + " never sum to total_thickness " + text(*total));
+    if (!near(back, 1) && !(left > 0))
+      refuse(field,
+             "layers that grow by " + text(1 / back) + " to last_height " + text(*b) + " never sum to total_thickness " + text(*total));
     out.count = count_from(near(back, 1) ? *total / *b : std::log(left) / std::log(back));
     out.growth = 1 / back;
     out.first_height = *total / series(out.growth, out.count);
@@ -120,7 +126,8 @@ ResolvedLayers resolve(const LayerSpec& s, const std::string& field) {
   // What was given beyond need must agree; a count that was rounded keeps what it was computed from.
   if (!n) return out;
   const auto agree = [&](const std::optional<double>& wish, double got, const char* name) {
-    if (wish && !near(*wish, got)) refuse(field, std::string(name) + " " + text(*wish) + " contradicts the other values, which give " + text(got));
+    if (wish && !near(*wish, got))
+      refuse(field, std::string(name) + " " + text(*wish) + " contradicts the other values, which give " + text(got));
   };
   agree(a, out.first_height, "first_height");
   agree(b, out.height(out.count - 1), "last_height");

@@ -52,7 +52,8 @@ void check_values(const TriangleSoup& soup) {
     }
     if (soup.patch[t] < 0 || soup.patch[t] >= patches)
       refuse(Reason::SurfaceIndexOutOfRange,
-             "triangle " + std::to_string(t) + " names patch " + std::to_string(soup.patch[t]) + " of " + std::to_string(patches), {}, {id});
+             "triangle " + std::to_string(t) + " names patch " + std::to_string(soup.patch[t]) + " of " + std::to_string(patches), {},
+             {id});
   }
 }
 
@@ -111,7 +112,9 @@ Draft framed(TriangleSoup& soup) {
     refuse(Reason::SurfaceExtentUnusable, "the surface's longest side, " + text(longest) + ", is out of range", box);
   if (extent.minCoeff() < kFlatDistance * longest)
     refuse(Reason::SurfaceExtentUnusable,
-           "the surface is flat and bounds no volume: its box measures " + text(extent.x()) + " x " + text(extent.y()) + " x " + text(extent.z()), box);
+           "the surface is flat and bounds no volume: its box measures " + text(extent.x()) + " x " + text(extent.y()) + " x " +
+               text(extent.z()),
+           box);
   refuse_outliers(soup);
   draft.points = std::move(soup.points);
   // Unused points may be anything; they get no say and must not overflow.

@@ -18,10 +18,14 @@ struct Hanging {
 // Border points, found by box: a balanced tree in an array (left half, middle, right half), split along x, y, z in turn.
 class PointTree {
  public:
-  PointTree(const Draft& draft, std::vector<std::int32_t> points) : draft_(draft), points_(std::move(points)) { build(0, points_.size(), 0); }
+  PointTree(const Draft& draft, std::vector<std::int32_t> points) : draft_(draft), points_(std::move(points)) {
+    build(0, points_.size(), 0);
+  }
 
   template <class Body>
-  void visit(const Box& box, const Body& body) const { visit(box, body, 0, points_.size(), 0); }
+  void visit(const Box& box, const Body& body) const {
+    visit(box, body, 0, points_.size(), 0);
+  }
 
  private:
   [[nodiscard]] const Vec3& at(std::int32_t p) const { return draft_.points[static_cast<std::size_t>(p)]; }
@@ -30,9 +34,8 @@ class PointTree {
     if (last - first < 2) return;
     const std::size_t middle = first + (last - first) / 2;
     std::nth_element(points_.begin() + static_cast<std::ptrdiff_t>(first), points_.begin() + static_cast<std::ptrdiff_t>(middle),
-                     points_.begin() + static_cast<std::ptrdiff_t>(last), [&](std::int32_t a, std::int32_t b) {
-                       return std::pair(at(a)[axis], a) < std::pair(at(b)[axis], b);
-                     });
+                     points_.begin() + static_cast<std::ptrdiff_t>(last),
+                     [&](std::int32_t a, std::int32_t b) { return std::pair(at(a)[axis], a) < std::pair(at(b)[axis], b); });
     build(first, middle, (axis + 1) % 3);
     build(middle + 1, last, (axis + 1) % 3);
   }

@@ -37,9 +37,7 @@ double half_area(const Box& box) {
   return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
 }
 
-double squared_distance(const Box& box, const Vec3& p) {
-  return (box.min - p).cwiseMax(p - box.max).cwiseMax(0.0).squaredNorm();
-}
+double squared_distance(const Box& box, const Vec3& p) { return (box.min - p).cwiseMax(p - box.max).cwiseMax(0.0).squaredNorm(); }
 
 struct Bin {
   Box box;
@@ -64,9 +62,7 @@ std::int32_t split(std::vector<Item>& items, std::int32_t first, std::int32_t la
 
   const double to_bin = kBins * (1 - 1e-9) / length;
   const double low = centroids.min[axis];
-  const auto bin_of = [&](const Item& item) {
-    return std::clamp(static_cast<int>((item.centroid[axis] - low) * to_bin), 0, kBins - 1);
-  };
+  const auto bin_of = [&](const Item& item) { return std::clamp(static_cast<int>((item.centroid[axis] - low) * to_bin), 0, kBins - 1); };
   std::array<Bin, kBins> bins;
   for (auto it = begin; it != end; ++it) {
     Bin& bin = bins[static_cast<std::size_t>(bin_of(*it))];
@@ -144,11 +140,12 @@ struct Ray {
 
 }  // namespace
 
-Locator::Locator(const Surface& surface) : Locator(surface, [&] {
-  std::vector<TriangleId> all(surface.triangles.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = TriangleId(i);
-  return all;
-}()) {}
+Locator::Locator(const Surface& surface)
+    : Locator(surface, [&] {
+        std::vector<TriangleId> all(surface.triangles.size());
+        for (std::size_t i = 0; i < all.size(); ++i) all[i] = TriangleId(i);
+        return all;
+      }()) {}
 
 Locator::Locator(const Surface& surface, std::vector<TriangleId> triangles) : surface_(&surface), order_(std::move(triangles)) {
   const auto count = static_cast<std::int32_t>(order_.size());
@@ -305,7 +302,8 @@ std::optional<Locator::Hit> Locator::first_hit(const Vec3& p, const Vec3& d, dou
     if (!ray.meets(node.box, best.s)) continue;
     if (node.count == 0) {
       // The child whose centre comes first is opened first.
-      const Vec3 between = nodes_[static_cast<std::size_t>(node.first) + 1].box.centre() - nodes_[static_cast<std::size_t>(node.first)].box.centre();
+      const Vec3 between =
+          nodes_[static_cast<std::size_t>(node.first) + 1].box.centre() - nodes_[static_cast<std::size_t>(node.first)].box.centre();
       const bool left_first = between.dot(d) >= 0;
       stack[static_cast<std::size_t>(top++)] = node.first + (left_first ? 1 : 0);
       stack[static_cast<std::size_t>(top++)] = node.first + (left_first ? 0 : 1);

@@ -28,8 +28,7 @@ class Locator {
 
   // Closest point within `bound` (else .triangle is invalid). `hint` is a triangle probably near: it tightens the search.
   // Ties go to the smallest triangle id, so that the answer does not depend on the hint.
-  [[nodiscard]] SurfacePoint closest(const Vec3& p, double bound = std::numeric_limits<double>::infinity(),
-                                     TriangleId hint = {}) const;
+  [[nodiscard]] SurfacePoint closest(const Vec3& p, double bound = std::numeric_limits<double>::infinity(), TriangleId hint = {}) const;
   // First hit of the ray p + s d, 0 < s <= limit (d need not be unit; s in units of |d|).
   struct Hit {
     double s;

@@ -28,8 +28,7 @@ bool repeats_a_corner(const std::array<std::int32_t, 3>& t) { return t[0] == t[1
 constexpr std::int64_t kGridOffset = 1 << 20;
 std::array<std::int64_t, 3> cell_of(const Vec3& p) {
   std::array<std::int64_t, 3> cell;
-  for (int i = 0; i < 3; ++i)
-    cell[static_cast<std::size_t>(i)] = static_cast<std::int64_t>(std::floor(p[i] / kWeldDistance)) + kGridOffset;
+  for (int i = 0; i < 3; ++i) cell[static_cast<std::size_t>(i)] = static_cast<std::int64_t>(std::floor(p[i] / kWeldDistance)) + kGridOffset;
   return cell;
 }
 std::int64_t key_of(const std::array<std::int64_t, 3>& cell) { return (cell[0] << 42) | (cell[1] << 21) | cell[2]; }
@@ -150,7 +149,8 @@ Repair drop_flat(Draft& draft) {
   std::vector<char> kept(draft.size(), 1);
   for (std::size_t t = 0; t < draft.size(); ++t) {
     const auto& [ia, ib, ic] = draft.triangles[t];
-    const Vec3 &a = draft.points[static_cast<std::size_t>(ia)], &b = draft.points[static_cast<std::size_t>(ib)], &c = draft.points[static_cast<std::size_t>(ic)];
+    const Vec3 &a = draft.points[static_cast<std::size_t>(ia)], &b = draft.points[static_cast<std::size_t>(ib)],
+               &c = draft.points[static_cast<std::size_t>(ic)];
     const double longest = std::sqrt(std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()}));
     if (smallest_altitude(a, b, c) >= std::max(kNothing, std::min(kFlatDistance, kFlatOfEdge * longest))) continue;
     kept[t] = 0;

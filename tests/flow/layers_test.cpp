@@ -19,9 +19,7 @@ void expect_layers_as_wished(const Outcome& outcome, const std::vector<std::stri
     EXPECT_GT(p.coverage, 0.999) << name;
   }
 }
-int layers_counted(const Outcome& outcome) {
-  return *std::max_element(outcome.mesh.layer.begin(), outcome.mesh.layer.end());
-}
+int layers_counted(const Outcome& outcome) { return *std::max_element(outcome.mesh.layer.begin(), outcome.mesh.layer.end()); }
 
 const std::vector<std::string> kSides{"x_min", "x_max", "y_min", "y_max", "z_min", "z_max"};
 
@@ -100,9 +98,8 @@ TEST(FlowLayers, ThatFindNoRoomAreThinnedAndSaidToBe) {
   const Outcome outcome = run(cube(4), with_layers(sized(0.1), layers_of({"z_min", "z_max"}, 3, 0.3)));
   expect_sound(outcome);
   EXPECT_GE(outcome.rung, Rung::LayersThinned);
-  EXPECT_TRUE(std::any_of(outcome.adjustments.begin(), outcome.adjustments.end(), [](const Diagnostic& d) {
-    return d.reason == Reason::LayersThinned || d.reason == Reason::LayersDropped;
-  }));
+  EXPECT_TRUE(std::any_of(outcome.adjustments.begin(), outcome.adjustments.end(),
+                          [](const Diagnostic& d) { return d.reason == Reason::LayersThinned || d.reason == Reason::LayersDropped; }));
   EXPECT_LT(patch(outcome, "z_min").thickness_fraction_mean, 0.9);
 }
 

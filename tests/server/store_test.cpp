@@ -200,8 +200,7 @@ TEST_P(JobStores, RemovedJobsAreGoneAndUpdatesToThemDoNothing) {
   EXPECT_EQ(store->count(), 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(MemoryAndSqlite, JobStores, testing::Bool(),
-                         [](const auto& which) { return which.param ? "Sqlite" : "Memory"; });
+INSTANTIATE_TEST_SUITE_P(MemoryAndSqlite, JobStores, testing::Bool(), [](const auto& which) { return which.param ? "Sqlite" : "Memory"; });
 
 TEST(SqliteJobStore, RemembersAcrossRestart) {
   const Folder folder;

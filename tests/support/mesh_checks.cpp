@@ -165,8 +165,7 @@ namespace {
 std::string check_borders(const HexMesh& mesh, const ChartId* only) {
   std::map<Edge, std::set<ChartId>> charts;
   for (QuadId q : mesh.quads.ids())
-    for (std::size_t i = 0; i < 4; ++i)
-      charts[edge_of(mesh.quads[q][i], mesh.quads[q][(i + 1) & 3])].insert(mesh.chart[q]);
+    for (std::size_t i = 0; i < 4; ++i) charts[edge_of(mesh.quads[q][i], mesh.quads[q][(i + 1) & 3])].insert(mesh.chart[q]);
   for (QuadId q : mesh.quads.ids()) {
     if (only != nullptr && mesh.chart[q] != *only) continue;
     std::array<bool, 4> border{};
@@ -195,8 +194,7 @@ double hex_volume(const HexMesh& mesh) {
       const QuadVertices q = face_vertices(mesh.hexes[h], f);
       Vec3 centre = Vec3::Zero();
       for (VertexId v : q) centre += 0.25 * mesh.position[v];
-      for (std::size_t i = 0; i < 4; ++i)
-        volume += mesh.position[q[i]].cross(mesh.position[q[(i + 1) & 3]]).dot(centre) / 6;
+      for (std::size_t i = 0; i < 4; ++i) volume += mesh.position[q[i]].cross(mesh.position[q[(i + 1) & 3]]).dot(centre) / 6;
     }
   return volume;
 }
@@ -217,8 +215,6 @@ std::int64_t euler_of_boundary(const HexMesh& mesh) {
   return static_cast<std::int64_t>(vertices.size()) - static_cast<std::int64_t>(edges.size()) + faces;
 }
 
-std::int64_t quads_labelled(const HexMesh& mesh, ChartId chart) {
-  return std::count(mesh.chart.begin(), mesh.chart.end(), chart);
-}
+std::int64_t quads_labelled(const HexMesh& mesh, ChartId chart) { return std::count(mesh.chart.begin(), mesh.chart.end(), chart); }
 
 }  // namespace strata::testing

@@ -57,8 +57,7 @@ void add_grid(TriangleSoup& soup, const Vec3& origin, const Vec3& u, const Vec3&
   const std::int32_t patch = patch_named(soup, name);
   const auto first = static_cast<std::int32_t>(soup.points.size());
   for (int j = 0; j <= nv; ++j)
-    for (int i = 0; i <= nu; ++i)
-      soup.points.push_back(origin + u * (double(i) / nu) + v * (double(j) / nv));
+    for (int i = 0; i <= nu; ++i) soup.points.push_back(origin + u * (double(i) / nu) + v * (double(j) / nv));
   const auto at = [&](int i, int j) { return first + j * (nu + 1) + i; };
   for (int j = 0; j < nv; ++j)
     for (int i = 0; i < nu; ++i) {
@@ -113,9 +112,9 @@ TriangleSoup sphere(int subdivisions) {
   for (const Vec3& p : {Vec3(-1, g, 0), Vec3(1, g, 0), Vec3(-1, -g, 0), Vec3(1, -g, 0), Vec3(0, -1, g), Vec3(0, 1, g), Vec3(0, -1, -g),
                         Vec3(0, 1, -g), Vec3(g, 0, -1), Vec3(g, 0, 1), Vec3(-g, 0, -1), Vec3(-g, 0, 1)})
     soup.points.push_back(p.normalized());
-  std::vector<Triangle> faces = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
-                                 {11, 10, 2}, {10, 7, 6}, {7, 1, 8},   {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
-                                 {3, 8, 9},   {4, 9, 5},  {2, 4, 11},  {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
+  std::vector<Triangle> faces = {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
+                                 {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
+                                 {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
   for (int s = 0; s < subdivisions; ++s) {
     std::map<std::pair<std::int32_t, std::int32_t>, std::int32_t> middles;
     const auto middle = [&](std::int32_t a, std::int32_t b) {

@@ -51,7 +51,8 @@ TEST(Context, StopsAtTheNextCheckpointOnceCancelled) {
   EXPECT_FALSE(context.cancelled());
   cancel = true;
   EXPECT_TRUE(context.cancelled());
-  for (const auto& step : {+[](Context& c) { c.checkpoint(); }, +[](Context& c) { c.progress(0.5); }, +[](Context& c) { c.begin(Stage::Carve); }})
+  for (const auto& step :
+       {+[](Context& c) { c.checkpoint(); }, +[](Context& c) { c.progress(0.5); }, +[](Context& c) { c.begin(Stage::Carve); }})
     try {
       step(context);
       ADD_FAILURE() << "went on";

@@ -148,8 +148,8 @@ TEST(Templates, HaveThePublishedPlacements) {
   const std::vector<Placement> placements = make_placements();
   // cube 1, one tet 3, two tets 3, three tets 1, flat 6, flat with tet 6, edge 3, side 6, corner 2
   EXPECT_EQ(placements.size(), 31u);
-  EXPECT_TRUE(std::is_sorted(placements.begin(), placements.end(),
-                             [](const auto& a, const auto& b) { return a.cells.size() < b.cells.size(); }));
+  EXPECT_TRUE(
+      std::is_sorted(placements.begin(), placements.end(), [](const auto& a, const auto& b) { return a.cells.size() < b.cells.size(); }));
 }
 
 // All legal bit sets: every face mask with every set of edges that no fine face touches.
@@ -308,8 +308,10 @@ TEST(Dual, CarriesCellSizeAndCutOfTheBlock) {
   Context context;
   const Dual dual = dualize(octree, context);
   for (const VertexId v : dual.mesh.position.ids()) {
-    const Vec3 grid = (dual.mesh.position[v] - octree.origin) / octree.root_size * static_cast<double>(std::int64_t{1} << Octree::kMaxLevel);
-    const std::int64_t leaf = find_leaf(octree, static_cast<std::int64_t>(grid[0]), static_cast<std::int64_t>(grid[1]), static_cast<std::int64_t>(grid[2]));
+    const Vec3 grid =
+        (dual.mesh.position[v] - octree.origin) / octree.root_size * static_cast<double>(std::int64_t{1} << Octree::kMaxLevel);
+    const std::int64_t leaf =
+        find_leaf(octree, static_cast<std::int64_t>(grid[0]), static_cast<std::int64_t>(grid[1]), static_cast<std::int64_t>(grid[2]));
     ASSERT_GE(leaf, 0);
     ASSERT_EQ(dual.cut[v], octree.cut[static_cast<std::size_t>(leaf)]);
     ASSERT_FLOAT_EQ(dual.cell_size[v], static_cast<float>(octree.cell_size(octree.level[static_cast<std::size_t>(leaf)])));

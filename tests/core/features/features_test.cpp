@@ -156,7 +156,8 @@ TEST(Features, TheRimOfAnInterfaceIsNonManifold) {
 
 TEST(Features, JitterAndOrderDoNotChangeTheGraph) {
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
-    const auto block = found(test::shuffled(test::jittered(test::rotated(one_patch(test::l_block(8)), Vec3(1, 2, 3), 1), 1e-3, seed), seed)).features;
+    const auto block =
+        found(test::shuffled(test::jittered(test::rotated(one_patch(test::l_block(8)), Vec3(1, 2, 3), 1), 1e-3, seed), seed)).features;
     EXPECT_EQ(block.curves.size(), 18u);
     EXPECT_EQ(block.corners.size(), 12u);
     EXPECT_EQ(block.chart_count(), 8u);

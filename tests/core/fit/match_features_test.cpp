@@ -7,8 +7,8 @@
 #include <set>
 
 #include "core/base/context.h"
-#include "core/carve/carve.h"
 #include "core/buffer/wrap.h"
+#include "core/carve/carve.h"
 #include "core/dual/dual.h"
 #include "core/features/features.h"
 #include "core/fit/fit.h"

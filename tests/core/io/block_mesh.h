@@ -17,8 +17,7 @@ inline HexMesh block_mesh(int nx, int ny, int nz) {
     for (int j = 0; j <= ny; ++j)
       for (int i = 0; i <= nx; ++i) mesh.position.push_back(Vec3(double(i) / nx, double(j) / ny, double(k) / nz));
   mesh.attachment.resize(mesh.position.size());
-  const std::array<std::array<int, 3>, 8> corner{
-      {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}}};
+  const std::array<std::array<int, 3>, 8> corner{{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}}};
   for (int k = 0; k < nz; ++k)
     for (int j = 0; j < ny; ++j)
       for (int i = 0; i < nx; ++i) {

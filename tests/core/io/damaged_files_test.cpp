@@ -60,7 +60,8 @@ TEST(DamagedFiles, WithDigitsChangedAreReadOrRefused) {
 
 TEST(DamagedFiles, ReadAsAnotherFormatAreReadOrRefused) {
   for (const Sample& sample : samples())
-    for (const auto format : {io::SurfaceFormat::Stl, io::SurfaceFormat::Obj, io::SurfaceFormat::Off, io::SurfaceFormat::Ply, io::SurfaceFormat::Medit})
+    for (const auto format :
+         {io::SurfaceFormat::Stl, io::SurfaceFormat::Obj, io::SurfaceFormat::Off, io::SurfaceFormat::Ply, io::SurfaceFormat::Medit})
       read_or_refuse(sample.bytes, format);
 }
 

@@ -156,7 +156,8 @@ std::vector<T> vtu_array(const std::string& file, const std::string& name) {
     uLongf bytes = b + 1 == blocks && last != 0 ? last : size;
     const uLongf expected = bytes;
     std::vector<T> block(bytes / sizeof(T));
-    EXPECT_EQ(uncompress(reinterpret_cast<Bytef*>(block.data()), &bytes, reinterpret_cast<const Bytef*>(file.data() + at), packed[b]), Z_OK);
+    EXPECT_EQ(uncompress(reinterpret_cast<Bytef*>(block.data()), &bytes, reinterpret_cast<const Bytef*>(file.data() + at), packed[b]),
+              Z_OK);
     EXPECT_EQ(bytes, expected);
     values.insert(values.end(), block.begin(), block.end());
     at += packed[b];

@@ -47,8 +47,10 @@ inline const std::string kTetMedit =
     "Triangles\n4\n1 3 2 5\n1 2 4 9\n2 3 4 9\n1 4 3 9\nEnd\n";
 
 inline std::string ply_header(const std::string& format, const std::string& face_properties) {
-  return "ply\nformat " + format + " 1.0\ncomment a tetrahedron\nelement vertex 4\nproperty double x\nproperty double y\n"
-         "property double z\nelement face 4\n" + face_properties + "end_header\n";
+  return "ply\nformat " + format +
+         " 1.0\ncomment a tetrahedron\nelement vertex 4\nproperty double x\nproperty double y\n"
+         "property double z\nelement face 4\n" +
+         face_properties + "end_header\n";
 }
 
 inline std::string ascii_ply() {

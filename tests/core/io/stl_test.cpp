@@ -87,7 +87,8 @@ TEST(AsciiStl, ANumberTooSmallForADoubleIsZero) {
 
 TEST(AsciiStl, AFacetOfFourCornersIsRefused) {
   const auto refused = refusal(
-      "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n", kStl);
+      "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n",
+      kStl);
   ASSERT_TRUE(refused);
   EXPECT_THAT(refused->message, HasSubstr("line 7: expected 'endloop', found 'vertex'"));
 }
@@ -143,9 +144,7 @@ TEST(BinaryStl, IsOnePatchCalledSurface) {
   EXPECT_THAT(soup.patch_names, ElementsAre("surface"));
 }
 
-TEST(BinaryStl, AHeaderThatBeginsWithSolidDoesNotMakeItText) {
-  EXPECT_EQ(read(binary_stl("solid wing"), kStl).triangles.size(), 4u);
-}
+TEST(BinaryStl, AHeaderThatBeginsWithSolidDoesNotMakeItText) { EXPECT_EQ(read(binary_stl("solid wing"), kStl).triangles.size(), 4u); }
 
 TEST(BinaryStl, BytesBehindTheLastTriangleAreTolerated) {
   EXPECT_EQ(read(binary_stl("solid wing") + std::string(37, 'x'), kStl).triangles.size(), 4u);

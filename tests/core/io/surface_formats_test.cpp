@@ -9,9 +9,9 @@
 namespace strata::test {
 namespace {
 
+using io::SurfaceFormat;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using io::SurfaceFormat;
 
 TEST(SurfaceFormats, AreKnownByTheirEndingInAnyCase) {
   EXPECT_EQ(io::surface_format("wing.STL"), SurfaceFormat::Stl);
@@ -49,8 +49,9 @@ TEST(SurfaceFormats, AFileIsRefusedUnderItsBaseName) {
 }
 
 TEST(Obj, PolygonsAreFannedAndNegativeAndSlashedIndicesWork) {
-  const TriangleSoup soup = read(
-      "# a comment\nmtllib x.mtl\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf -4/1/1 -3//1 \\\n -2/1 4\n", SurfaceFormat::Obj);
+  const TriangleSoup soup =
+      read("# a comment\nmtllib x.mtl\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf -4/1/1 -3//1 \\\n -2/1 4\n",
+           SurfaceFormat::Obj);
   EXPECT_THAT(soup.triangles, ElementsAre(std::array{0, 1, 2}, std::array{0, 2, 3}));
   EXPECT_THAT(soup.patch_names, ElementsAre("surface"));
 }
@@ -76,8 +77,9 @@ TEST(Obj, ABadIndexIsRefusedWithItsLine) {
 }
 
 TEST(Off, CommentsColoursAndPolygonsAreFine) {
-  const TriangleSoup soup = read(
-      "# top\nCOFF # kind\n\n4 1\n0 0 0 255 0 0 255\n1 0 0 255 0 0 255 # red\n1 1 0 1 1 1 1\n0 1 0 1 1 1 1\n4 0 1 2 3 0.5 0.5 0.5\n", SurfaceFormat::Off);
+  const TriangleSoup soup =
+      read("# top\nCOFF # kind\n\n4 1\n0 0 0 255 0 0 255\n1 0 0 255 0 0 255 # red\n1 1 0 1 1 1 1\n0 1 0 1 1 1 1\n4 0 1 2 3 0.5 0.5 0.5\n",
+           SurfaceFormat::Off);
   EXPECT_THAT(soup.triangles, ElementsAre(std::array{0, 1, 2}, std::array{0, 2, 3}));
   EXPECT_THAT(soup.patch_names, ElementsAre("surface"));
 }
@@ -92,13 +94,14 @@ TEST(Off, ABadIndexNamesTheFace) {
 }
 
 TEST(Counts, OfAHeaderNeverDecideAnAllocation) {
-  for (const auto& [text, format] : {std::pair{"OFF\n4000000000 4000000000 0\n0 0 0\n", SurfaceFormat::Off},
-                                     std::pair{"OFF\n3 4000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", SurfaceFormat::Off},
-                                     std::pair{"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4000000000 0 1 2\n", SurfaceFormat::Off},
-                                     std::pair{"OFF\n99999999999999999999 1 0\n", SurfaceFormat::Off},
-                                     std::pair{"ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n", SurfaceFormat::Ply},
-                                     std::pair{"MeshVersionFormatted 2\nDimension 3\nVertices\n4000000000\n0 0 0 0\n", SurfaceFormat::Medit},
-                                     std::pair{"MeshVersionFormatted 2\nDimension 3\nVertices\n-4\n", SurfaceFormat::Medit}}) {
+  for (const auto& [text, format] :
+       {std::pair{"OFF\n4000000000 4000000000 0\n0 0 0\n", SurfaceFormat::Off},
+        std::pair{"OFF\n3 4000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", SurfaceFormat::Off},
+        std::pair{"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4000000000 0 1 2\n", SurfaceFormat::Off},
+        std::pair{"OFF\n99999999999999999999 1 0\n", SurfaceFormat::Off},
+        std::pair{"ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n", SurfaceFormat::Ply},
+        std::pair{"MeshVersionFormatted 2\nDimension 3\nVertices\n4000000000\n0 0 0 0\n", SurfaceFormat::Medit},
+        std::pair{"MeshVersionFormatted 2\nDimension 3\nVertices\n-4\n", SurfaceFormat::Medit}}) {
     const auto refused = refusal(text, format);
     ASSERT_TRUE(refused) << text;
     EXPECT_EQ(refused->reason, Reason::FileMalformed) << text;
@@ -115,9 +118,11 @@ TEST(Ply, FaceReferencesArePatches) {
 
 TEST(Ply, FacesWithoutReferenceAreTheSurface) {
   const TriangleSoup soup = read(
-      "ply\r\nformat ascii 1.0\r\nelement vertex 3\r\nproperty float confidence\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\n"
+      "ply\r\nformat ascii 1.0\r\nelement vertex 3\r\nproperty float confidence\r\nproperty float x\r\nproperty float y\r\nproperty float "
+      "z\r\n"
       "element face 1\r\nproperty list uchar int vertex_indices\r\nelement edge 1\r\nproperty int vertex1\r\nend_header\r\n"
-      "nan 0 0 0\r\n0.5 1 0 0\r\n0 0 1 0\r\n3 0 1 2\r\n7\r\n", SurfaceFormat::Ply);
+      "nan 0 0 0\r\n0.5 1 0 0\r\n0 0 1 0\r\n3 0 1 2\r\n7\r\n",
+      SurfaceFormat::Ply);
   EXPECT_EQ(soup.triangles.size(), 1u);
   EXPECT_THAT(soup.patch_names, ElementsAre("surface"));
 }
@@ -138,7 +143,8 @@ TEST(Medit, ReferencesNamePatchesAndOtherKeywordsAreSteppedOver) {
   EXPECT_THAT(read(kTetMedit, SurfaceFormat::Medit).patch_names, ElementsAre("5", "9"));
   const TriangleSoup soup = read(
       "# made by hand\nMeshVersionFormatted 1\nDimension\n3\nQuadrilaterals 1 # before its vertices\n1 2 3 4 -3\nRidges 2\n1\n2\n"
-      "Vertices 4\n0 0 0 0\n1 0 0 0\n1 1 0 0\n0 1 0 0\n", SurfaceFormat::Medit);
+      "Vertices 4\n0 0 0 0\n1 0 0 0\n1 1 0 0\n0 1 0 0\n",
+      SurfaceFormat::Medit);
   EXPECT_THAT(soup.triangles, ElementsAre(std::array{0, 1, 2}, std::array{0, 2, 3}));
   EXPECT_THAT(soup.patch_names, ElementsAre("-3"));
 }

@@ -85,15 +85,14 @@ TEST_P(CylinderLayers, EndAsAsked) {
 }
 
 // Core 64 x 8 = 512 hexes, 128 quads on the side, 64 on a cap; 16 border edges on either cap.
-INSTANTIATE_TEST_SUITE_P(
-    Figure7, CylinderLayers,
-    ::testing::Values(CylinderCase{"SideWedgesAtCaps", {"side"}, Ending::Wedge, 512 + 96 * 4 + 32 * 2},
-                      CylinderCase{"SideImprintsCaps", {"side"}, Ending::Imprint, 512 + 128 * 4},
-                      CylinderCase{"CapsWedgeAtSide", {"cap_*"}, Ending::Wedge, 512 + 96 * 4 + 32 * 2},
-                      CylinderCase{"BothCross", {"side", "cap_*"}, Ending::CrossImprint, 512 + 256 * 4 + 32 * 16},
-                      CylinderCase{"BothRegular", {"side", "cap_*"}, Ending::Regular, 512 + 256 * 4},
-                      CylinderCase{"CapsImprintSide", {"cap_*"}, Ending::Imprint, 512 + 128 * 4}),
-    [](const auto& at) { return at.param.name; });
+INSTANTIATE_TEST_SUITE_P(Figure7, CylinderLayers,
+                         ::testing::Values(CylinderCase{"SideWedgesAtCaps", {"side"}, Ending::Wedge, 512 + 96 * 4 + 32 * 2},
+                                           CylinderCase{"SideImprintsCaps", {"side"}, Ending::Imprint, 512 + 128 * 4},
+                                           CylinderCase{"CapsWedgeAtSide", {"cap_*"}, Ending::Wedge, 512 + 96 * 4 + 32 * 2},
+                                           CylinderCase{"BothCross", {"side", "cap_*"}, Ending::CrossImprint, 512 + 256 * 4 + 32 * 16},
+                                           CylinderCase{"BothRegular", {"side", "cap_*"}, Ending::Regular, 512 + 256 * 4},
+                                           CylinderCase{"CapsImprintSide", {"cap_*"}, Ending::Imprint, 512 + 128 * 4}),
+                         [](const auto& at) { return at.param.name; });
 
 TEST(Layers, ACrossingHasTheProductOfTheCounts) {
   const auto scene = cube_scene(4);

@@ -31,9 +31,8 @@ TEST(HexTables, CornersAreRightHandedAndJoinedByEdges) {
     for (int k = 0; k < 3; ++k) {
       const int n = kHexCorners[static_cast<std::size_t>(c)][static_cast<std::size_t>(k)];
       axes.col(k) = unit_corner(n) - unit_corner(c);
-      const bool edge = std::any_of(kHexEdges.begin(), kHexEdges.end(), [&](const auto& e) {
-        return (e[0] == c && e[1] == n) || (e[0] == n && e[1] == c);
-      });
+      const bool edge = std::any_of(kHexEdges.begin(), kHexEdges.end(),
+                                    [&](const auto& e) { return (e[0] == c && e[1] == n) || (e[0] == n && e[1] == c); });
       EXPECT_TRUE(edge) << c << " " << n;
     }
     EXPECT_DOUBLE_EQ(axes.determinant(), 1) << "corner " << c;

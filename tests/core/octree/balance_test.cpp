@@ -88,8 +88,7 @@ TEST(Balance, KeepsEverySplitAsked) {
   SplitNodes split = asked;
   balance(split);
   for (std::size_t level = 0; level < asked.size(); ++level)
-    for (const std::uint64_t code : asked[level])
-      ASSERT_TRUE(std::binary_search(split[level].begin(), split[level].end(), code));
+    for (const std::uint64_t code : asked[level]) ASSERT_TRUE(std::binary_search(split[level].begin(), split[level].end(), code));
 }
 
 TEST(FindLeaf, FindsTheLeafThatHoldsThePoint) {

@@ -52,7 +52,8 @@ SizeField uniform(const Surface& surface, double max_size, double target) {
 // The leaf that holds a point.
 std::size_t leaf_at(const Octree& octree, const Vec3& p) {
   const Vec3 grid = (p - octree.origin) / octree.root_size * static_cast<double>(std::int64_t{1} << Octree::kMaxLevel);
-  return static_cast<std::size_t>(find_leaf(octree, static_cast<std::int64_t>(std::floor(grid[0])), static_cast<std::int64_t>(std::floor(grid[1])),
+  return static_cast<std::size_t>(find_leaf(octree, static_cast<std::int64_t>(std::floor(grid[0])),
+                                            static_cast<std::int64_t>(std::floor(grid[1])),
                                             static_cast<std::int64_t>(std::floor(grid[2]))));
 }
 
@@ -99,7 +100,9 @@ TEST(RefineOctree, MeetsSeveralTargetsWithinAFactorOfRootTwo) {
     const auto c = surface.corners(t);
     const double cell = cell_at(octree, (c[0] + c[1] + c[2]) / 3);
     ASSERT_LE(cell, sizes.at_triangle[t] * std::sqrt(2.0) * (1 + 1e-9));
-    if (surface.normal[t].z() < 0.0) { ASSERT_GE(cell, sizes.at_triangle[t] / std::sqrt(2.0) * (1 - 1e-9)); }
+    if (surface.normal[t].z() < 0.0) {
+      ASSERT_GE(cell, sizes.at_triangle[t] / std::sqrt(2.0) * (1 - 1e-9));
+    }
   }
 }
 
@@ -114,7 +117,8 @@ TEST(RefineOctree, MarksExactlyTheBlocksWithinACellOfTheSurface) {
     const GridPoint p = morton_point(octree.key[b]);
     const double cell = octree.cell_size(octree.level[b]);
     const double unit = octree.root_size / static_cast<double>(std::int64_t{1} << Octree::kMaxLevel);
-    const Vec3 centre = octree.origin + unit * Vec3(static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])) + Vec3::Constant(cell);
+    const Vec3 centre =
+        octree.origin + unit * Vec3(static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])) + Vec3::Constant(cell);
     bool near = false;
     for (const TriangleId t : surface.triangles.ids()) {
       const auto c = surface.corners(t);
@@ -124,10 +128,14 @@ TEST(RefineOctree, MarksExactlyTheBlocksWithinACellOfTheSurface) {
       if ((box.min.array() > centre.array() + half).any() || (box.max.array() < centre.array() - half).any()) continue;
       if (!TriangleAxes(c).separate(centre, half)) near = true;
     }
-    if (near) { ASSERT_EQ(octree.cut[b], 1) << "block " << b; }  // never missed
+    if (near) {
+      ASSERT_EQ(octree.cut[b], 1) << "block " << b;
+    }  // never missed
     cut += octree.cut[b];
     // and hardly ever without need: the surface is within two cells of the block
-    if (octree.cut[b]) { ASSERT_LE(std::abs(centre.norm() - 0.5), (std::sqrt(3.0) * 2 + 1) * cell + 0.01); }
+    if (octree.cut[b]) {
+      ASSERT_LE(std::abs(centre.norm() - 0.5), (std::sqrt(3.0) * 2 + 1) * cell + 0.01);
+    }
   }
   EXPECT_GT(cut, 100u);
 }

@@ -141,10 +141,8 @@ TEST(Optimise, DoesNotDependOnTheNumberOfThreads) {
     Context context;
     OptimiseResult result = optimise(std::move(mesh), {}, {}, context);
     result = polish(std::move(result.mesh), {}, 0.99, 3, context);
-    if (first.empty())
-      first = result.mesh.position;
-    else
-      EXPECT_EQ(result.mesh.position, first) << threads << " threads";
+    if (first.empty()) first = result.mesh.position;
+    else EXPECT_EQ(result.mesh.position, first) << threads << " threads";
   }
 }
 

@@ -25,8 +25,7 @@ Star random_star(std::mt19937& random, double jitter, const Vec3& w, bool sound)
   std::array<std::array<std::array<Vec3, 3>, 3>, 3> p;
   for (int x = 0; x < 3; ++x)
     for (int y = 0; y < 3; ++y)
-      for (int z = 0; z < 3; ++z)
-        p[x][y][z] = Vec3(x - 1, y - 1, z - 1) + Vec3(noise(random), noise(random), noise(random));
+      for (int z = 0; z < 3; ++z) p[x][y][z] = Vec3(x - 1, y - 1, z - 1) + Vec3(noise(random), noise(random), noise(random));
   Star star;
   for (int o = 0; o < 8; ++o) {
     const int ox = o & 1, oy = (o >> 1) & 1, oz = o >> 2;
@@ -97,8 +96,7 @@ TEST(Star, RegularisedGradientAgreesWithFiniteDifferencesThroughInversion) {
     const double eps = 0.3, h = 1e-6;
     star.derivatives(Vec3::Zero(), eps, 1, gradient, hessian);
     for (int i = 0; i < 3; ++i) {
-      const double slope =
-          (star.value(h * Vec3::Unit(i), eps, 1).energy - star.value(-h * Vec3::Unit(i), eps, 1).energy) / (2 * h);
+      const double slope = (star.value(h * Vec3::Unit(i), eps, 1).energy - star.value(-h * Vec3::Unit(i), eps, 1).energy) / (2 * h);
       EXPECT_NEAR(slope, gradient[i], 1e-5 * (1 + gradient.norm()));
     }
     EXPECT_EQ(hessian.llt().info(), Eigen::Success) << "the Hessian must be positive definite, inverted or not";

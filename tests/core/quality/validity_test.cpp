@@ -77,7 +77,8 @@ INSTANTIATE_TEST_SUITE_P(
         Damage{"VertexTooLarge", [](HexMesh& m) { m.hexes[kHex][3] = VertexId(100000); }, "hex 5 has a vertex or a region out of range"},
         Damage{"VertexNegative", [](HexMesh& m) { m.hexes[kHex][3] = VertexId(); }, "hex 5 has a vertex or a region out of range"},
         Damage{"RegionUnknown", [](HexMesh& m) { m.region[kHex] = RegionId(); }, "hex 5 has a vertex or a region out of range"},
-        Damage{"QuadVertexTooLarge", [](HexMesh& m) { m.quads[kQuad][0] = VertexId(100000); }, "quad 7 has a vertex or a patch out of range"},
+        Damage{"QuadVertexTooLarge", [](HexMesh& m) { m.quads[kQuad][0] = VertexId(100000); },
+               "quad 7 has a vertex or a patch out of range"},
         Damage{"QuadWithoutPatch", [](HexMesh& m) { m.patch[kQuad] = PatchId(); }, "quad 7 has a vertex or a patch out of range"},
         Damage{"RepeatedVertex", [](HexMesh& m) { m.hexes[kHex][6] = m.hexes[kHex][0]; }, "hex 5 has a vertex twice"},
         Damage{"HexTwice",
@@ -107,7 +108,8 @@ INSTANTIATE_TEST_SUITE_P(
                  m.chart.values().pop_back();
                },
                "face has no quad"},
-        Damage{"QuadTwice", [](HexMesh& m) { m.quads.push_back(QuadVertices(m.quads[kQuad])), m.patch.push_back({PatchId(0)}), m.chart.push_back({}); },
+        Damage{"QuadTwice",
+               [](HexMesh& m) { m.quads.push_back(QuadVertices(m.quads[kQuad])), m.patch.push_back({PatchId(0)}), m.chart.push_back({}); },
                "two quads lie on one face"},
         Damage{"QuadInwards", [](HexMesh& m) { std::swap(m.quads[kQuad][1], m.quads[kQuad][3]); }, "points"},
         Damage{"QuadOnNothing",
@@ -140,7 +142,11 @@ INSTANTIATE_TEST_SUITE_P(
                  m.position[v[0]] = m.position[v[0]] + 1.2 * (m.position[v[6]] - m.position[v[0]]);
                },
                "hex 0 is not positive"},
-        Damage{"Flat", [](HexMesh& m) { for (Vec3& p : m.position) p.z() = 0; }, "hex 0 is not positive"}),
+        Damage{"Flat",
+               [](HexMesh& m) {
+                 for (Vec3& p : m.position) p.z() = 0;
+               },
+               "hex 0 is not positive"}),
     [](const auto& at) { return at.param.name; });
 
 TEST(CheckMesh, TellsWhereTheDamageIs) {

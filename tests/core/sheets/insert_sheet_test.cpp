@@ -22,8 +22,7 @@ SheetRequest under_charts(const HexMesh& mesh, const std::vector<int>& charts) {
   request.inner.assign(mesh.hexes.size(), 1);
   const IdMap<QuadId, QuadSides> sides = quad_sides(mesh);
   for (QuadId q : mesh.quads.ids())
-    if (std::count(charts.begin(), charts.end(), mesh.chart[q].value) > 0)
-      request.faces.push_back({sides[q].back, sides[q].back_face});
+    if (std::count(charts.begin(), charts.end(), mesh.chart[q].value) > 0) request.faces.push_back({sides[q].back, sides[q].back_face});
   return request;
 }
 
@@ -183,9 +182,8 @@ TEST(InsertSheet, CrossingAnInterfaceKeepsTheInterfaceClosed) {
 
 TEST(InsertSheet, EitherSideOfAnInterfaceCanBeLined) {
   for (int side : {0, 1}) {
-    HexMesh mesh = testing::grid_of_regions(4, 4, 4, [](int x, int y, int z) {
-      return x > 0 && x < 3 && y > 0 && y < 3 && z > 0 && z < 3 ? 1 : 0;
-    });
+    HexMesh mesh =
+        testing::grid_of_regions(4, 4, 4, [](int x, int y, int z) { return x > 0 && x < 3 && y > 0 && y < 3 && z > 0 && z < 3 ? 1 : 0; });
     SheetRequest request;
     request.inner.assign(mesh.hexes.size(), 0);
     for (HexId h : mesh.hexes.ids()) request.inner[h] = mesh.region[h] == RegionId(side);

@@ -40,7 +40,8 @@ TEST(SizeField, PatchesTakeTheirSizeAndTheBound) {
   o.min_size = 0.01;
   o.patch_size = IdMap<PatchId, double>{0.05, kNone, 0.001, kNone, kNone, kNone};
   const auto [s, f] = sized(test::cube(3), o);
-  for (const TriangleId t : s.triangles.ids()) EXPECT_EQ(f.at_triangle[t], s.patch[t].value == 0 ? 0.05 : s.patch[t].value == 2 ? 0.01 : kNone);
+  for (const TriangleId t : s.triangles.ids())
+    EXPECT_EQ(f.at_triangle[t], s.patch[t].value == 0 ? 0.05 : s.patch[t].value == 2 ? 0.01 : kNone);
 }
 
 TEST(SizeField, CurvatureOfASphereGivesItsChord) {

@@ -143,9 +143,9 @@ TEST(Check, EveryNumberOutOfRangeIsFound) {
   spec.features.ridge_angle = nan;
   std::vector<std::string> fields;
   for (const Diagnostic& d : check(spec, kNames)) fields.push_back(d.field);
-  EXPECT_EQ(fields, (std::vector<std::string>{"volume.points", "sizing.max_size", "sizing.min_size", "sizing.patches[0].size", "sizing.curvature_deg",
-                                              "sizing.gap_cells", "sizing.boxes[0]", "sizing.spheres[0].radius", "sizing.cylinders[0]",
-                                              "sizing.gradation", "sizing.max_cells", "features.ridge_angle_deg"}));
+  EXPECT_EQ(fields, (std::vector<std::string>{"volume.points", "sizing.max_size", "sizing.min_size", "sizing.patches[0].size",
+                                              "sizing.curvature_deg", "sizing.gap_cells", "sizing.boxes[0]", "sizing.spheres[0].radius",
+                                              "sizing.cylinders[0]", "sizing.gradation", "sizing.max_cells", "features.ridge_angle_deg"}));
 }
 
 }  // namespace
