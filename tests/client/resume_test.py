@@ -41,7 +41,7 @@ class Resume(Case):
                 self.expect(run("--server", proxy.address, "get", self.job, "-o", out), 0)
                 self.assertEqual(digest(out), self.digest)
                 self.assertGreater(proxy.broken, 0)
-        self.assertEqual(len(list(self.folder.iterdir())), 3, "no parts are left")
+        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["0.mesh", "1.mesh"], "no parts are left")
 
     def test_a_killed_download_is_continued(self):
         proxy = self.proxy(cuts=1000, span=(self.size // 2 + 1000, self.size // 2 + 1000), stall=True)
