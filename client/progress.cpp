@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 
@@ -23,7 +24,7 @@ int terminal_width() {
 }
 
 std::string bar(double fraction) {
-  const int full = static_cast<int>(kBarWidth * std::clamp(fraction, 0.0, 1.0) + 0.5);
+  const int full = static_cast<int>(std::lround(kBarWidth * std::clamp(fraction, 0.0, 1.0)));
   return "[" + std::string(static_cast<std::size_t>(full), '#') + std::string(static_cast<std::size_t>(kBarWidth - full), '.') + "]";
 }
 

@@ -29,7 +29,7 @@ constexpr double kRelaxedShare = 1e-3;
 constexpr double kDefaultCellsAcross = 16;  // default bound for cells: longest side of the bounding box over this
 
 // Figures of the estimate, measured on the benchmark cases (docs/performance.md).
-constexpr double kMeshedShareOfDual = 0.65;      // dual hexes that end inside the volume
+constexpr double kMeshedShareOfDual = 0.42;      // dual hexes that end inside the volume
 constexpr double kBytesPerHex = 1200;            // peak of the whole process
 constexpr double kCpuSecondsPerHex = 40e-6;
 
