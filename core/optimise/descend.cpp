@@ -1,7 +1,5 @@
 #include "core/optimise/descend.h"
 
-#include <Eigen/Cholesky>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -84,7 +82,13 @@ Freedom freedom_of(Hold hold, const Vec3& direction) {
 Vec3 newton_step(const Freedom& freedom, const Vec3& g, const Mat3& H) {
   const Mat3& B = freedom.basis;
   switch (freedom.dimensions) {
-    case 3: return -H.llt().solve(g);
+    case 3: {  // H = L L^T, row by row
+      const double a = std::sqrt(H(0, 0)), b = H(1, 0) / a, c = H(2, 0) / a, d = std::sqrt(H(1, 1) - b * b), e = (H(2, 1) - b * c) / d,
+                   f = std::sqrt(H(2, 2) - c * c - e * e);
+      const double y0 = -g[0] / a, y1 = (-g[1] - b * y0) / d, y2 = (-g[2] - c * y0 - e * y1) / f;
+      const double z = y2 / f, y = (y1 - e * z) / d, x = (y0 - b * y - c * z) / a;
+      return {x, y, z};
+    }
     case 2: {
       const Vec3 a = B.col(0), b = B.col(1);
       const double h00 = a.dot(H * a), h01 = a.dot(H * b), h11 = b.dot(H * b), det = h00 * h11 - h01 * h01;

@@ -18,6 +18,7 @@
 
 #include "core/base/vec3.h"
 #include "core/mesh/hex.h"
+#include "core/optimise/star_kernels.h"
 
 namespace strata {
 
@@ -55,24 +56,38 @@ inline constexpr std::array<StarPattern, 8> kStarPatterns = [] {
 // corner's scaled Jacobian is at least 1/u.
 class Star {
  public:
-  static constexpr int kMaxHexes = 48;  // vertices with more are left where they are
-  static constexpr int kMaxCorners = 4 * kMaxHexes;
+  static constexpr int kMaxHexes = star_kernels::kMaxHexes;  // vertices with more are left where they are
   static constexpr double kFlat = 1e-12;  // determinants (targets: 1) up to here count as not positive: rounding, not volume
 
-  void clear() { hexes_ = 0; }
+  void clear() {
+    hexes_ = 0;
+    all_sound_ = true;
+  }
   // p: the vertex, then its six others in pattern order; w: inverse target lengths along e0 e1 e2; `sound`: the hex has only positive corners
   // and must keep them.
-  void add_hex(const std::array<Vec3, 7>& p, const Vec3& w, bool sound);
+  void add_hex(const std::array<const Vec3*, 7>& p, const std::array<double, 3>& w, bool sound) {
+    const auto h = static_cast<std::size_t>(hexes_++);
+    for (std::size_t j = 0; j < 7; ++j) {
+      points_.x[j][h] = p[j]->x();
+      points_.y[j][h] = p[j]->y();
+      points_.z[j][h] = p[j]->z();
+    }
+    for (std::size_t k = 0; k < 3; ++k) points_.w[k][h] = w[k];
+    points_.freedom[h] = sound ? 0 : star_kernels::kFree;
+    all_sound_ = all_sound_ && sound;
+  }
+  // After the last hex, before any question.
+  void complete();
 
   [[nodiscard]] int hexes() const { return hexes_; }
-  [[nodiscard]] int corners() const { return 4 * hexes_; }
-  [[nodiscard]] bool all_sound() const;
-  [[nodiscard]] double determinant(int corner, const Vec3& d) const {
-    return D_[corner] + gx_[corner] * d.x() + gy_[corner] * d.y() + gz_[corner] * d.z();
+  [[nodiscard]] bool all_sound() const { return all_sound_; }
+  // Corner 0 of a hex is the vertex's own, 1 to 3 are those of e0 e1 e2.
+  [[nodiscard]] double determinant(int hex, int corner, const Vec3& d) const {
+    return corners_.D[corner][hex] + corners_.gx[corner][hex] * d.x() + corners_.gy[corner][hex] * d.y() + corners_.gz[corner][hex] * d.z();
   }
   [[nodiscard]] double least_determinant(const Vec3& d) const;
   // Mean length of the edges at the vertex, at d = 0.
-  [[nodiscard]] double size() const { return size_ / (3 * hexes_); }
+  [[nodiscard]] double size() const { return size_; }
 
   struct Value {
     double energy = 0;
@@ -91,17 +106,15 @@ class Star {
   void angle_derivatives(const Vec3& d, int exponent, Vec3& gradient, Mat3& hessian) const;
 
  private:
-  [[nodiscard]] double raised(double u, int exponent) const {
-    double r = u;
-    for (int i = 1; i < exponent; ++i) r *= u;
-    return r;
-  }
+  // Of hex h: e_k - v, and the part of corner k's edge lengths that does not change (over det W^-1).
+  [[nodiscard]] Vec3 edge(std::size_t h, std::size_t k) const;
+  [[nodiscard]] double constant_lengths(std::size_t h, std::size_t corner) const;
+
   int hexes_ = 0;
+  bool all_sound_ = true;
   double size_ = 0;
-  std::array<double, kMaxCorners> D_, gx_, gy_, gz_, N_, nx_, ny_, nz_, m_;
-  std::array<std::uint8_t, kMaxCorners> sound_;
-  std::array<double, kMaxCorners> fixed_;  // product of the corner's constant edge lengths over det W^-1
-  std::array<Vec3, 3 * kMaxHexes> edge_;  // e_k - v
+  star_kernels::Points points_;
+  star_kernels::Corners corners_;
 };
 
 }  // namespace strata

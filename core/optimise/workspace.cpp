@@ -21,7 +21,7 @@ Workspace::Workspace(HexMesh& mesh, const OptimiseRequest& request, int rings, b
     }
   });
   choose(rings, project);
-  colours_ = colour_vertices(mesh_, star_, movable_);
+  grains_ = make_grains(mesh_, movable_);
   active_ = movable_;
   scale_targets();
   recount_bad();
@@ -119,37 +119,38 @@ void Workspace::stand() {
 
 void Workspace::gather(VertexId v, Star& star) const {
   star.clear();
-  std::array<Vec3, 7> p;
-  p[0] = mesh_.position[v];
+  std::array<const Vec3*, 7> p;
+  p[0] = &mesh_.position[v];
   for (std::int64_t s = star_.offset[v.index()]; s < star_.offset[v.index() + 1]; ++s) {
     const HexId h = star_.elements[static_cast<std::size_t>(s)];
     const StarPattern& pattern = kStarPatterns[local_[static_cast<std::size_t>(s)]];
     const HexVertices& hex = mesh_.hexes[h];
-    for (std::size_t k = 0; k < 6; ++k) p[k + 1] = mesh_.position[hex[static_cast<std::size_t>(pattern.vertex[k])]];
+    for (std::size_t k = 0; k < 6; ++k) p[k + 1] = &mesh_.position[hex[static_cast<std::size_t>(pattern.vertex[k])]];
     const auto& w = inverse_target_[h];
     const auto along = [&](std::size_t k) { return static_cast<double>(w[static_cast<std::size_t>(pattern.axis[k])]); };
-    star.add_hex(p, Vec3(along(0), along(1), along(2)), strict_ && bad_[h] == 0);
+    star.add_hex(p, {along(0), along(1), along(2)}, strict_ && bad_[h] == 0);
   }
+  star.complete();
 }
 
 void Workspace::move(VertexId v, const Star& star, const Vec3& d) {
   mesh_.position[v] += d;
   if (star.all_sound()) return;  // and stays so
-  int c = 0;
-  for (std::int64_t s = star_.offset[v.index()]; s < star_.offset[v.index() + 1]; ++s, c += 4) {
+  int hex = 0;
+  for (std::int64_t s = star_.offset[v.index()]; s < star_.offset[v.index() + 1]; ++s, ++hex) {
     const HexId h = star_.elements[static_cast<std::size_t>(s)];
     const std::uint8_t own = local_[static_cast<std::size_t>(s)];
     const StarPattern& pattern = kStarPatterns[own];
     for (int k = 0; k < 4; ++k) {
       const auto corner = k == 0 ? own : static_cast<std::uint8_t>(pattern.vertex[static_cast<std::size_t>(k - 1)]);
       const auto bit = static_cast<std::uint8_t>(1u << corner);
-      if (star.determinant(c + k, d) > Star::kFlat) bad_[h] = static_cast<std::uint8_t>(bad_[h] & ~bit);
+      if (star.determinant(hex, k, d) > Star::kFlat) bad_[h] = static_cast<std::uint8_t>(bad_[h] & ~bit);
       else bad_[h] = static_cast<std::uint8_t>(bad_[h] | bit);
     }
   }
 }
 
-// Neighbours have other colours, so nobody reads these flags now; several vertices may set one flag at once, to the same value.
+// Vertices of other grains that run now are not neighbours; two of them may wake a third at once, to the same value.
 void Workspace::wake_round(VertexId v) {
   for (const HexId h : star_.of(v)) wake(h);
 }

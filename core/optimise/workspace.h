@@ -6,7 +6,7 @@
 
 #include "core/mesh/adjacency.h"
 #include "core/mesh/hex_mesh.h"
-#include "core/optimise/colouring.h"
+#include "core/optimise/grains.h"
 #include "core/optimise/optimise.h"
 #include "core/optimise/star.h"
 
@@ -27,7 +27,7 @@ class Workspace {
  public:
   Workspace(HexMesh& mesh, const OptimiseRequest& request, int rings, bool project);
 
-  // body(vertex, star) for every active vertex, colour after colour. True from the body: the vertex moved, its neighbours wake up.
+  // body(vertex, star) for every active vertex, colour after colour of grains. True from the body: the vertex moved, its neighbours wake up.
   // A vertex that did not move falls asleep. Returns how many moved.
   template <class Body>
   std::int64_t sweep(const Body& body, const Context& context);
@@ -79,7 +79,7 @@ class Workspace {
   IdMap<HexId, std::array<float, 3>> inverse_target_;  // scaled so that determinants of good hexes are about 1
   IdMap<HexId, std::uint8_t> bad_;                     // bit per corner
   IdMap<VertexId, std::uint8_t> movable_, active_;
-  std::vector<std::vector<VertexId>> colours_;
+  Grains grains_;
   IdMap<VertexId, std::int32_t> foot_of_;
   std::vector<Foot> feet_;
 };

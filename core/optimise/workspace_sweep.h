@@ -8,29 +8,28 @@ namespace strata {
 
 template <class Body>
 std::int64_t Workspace::sweep(const Body& body, const Context& context) {
-  constexpr std::size_t kVisits = 128;  // a task's vertices: some 0.2 ms
   std::int64_t moved = 0;
-  for (const std::vector<VertexId>& colour : colours_) {
-    std::vector<std::int64_t> moved_in((colour.size() + kVisits - 1) / kVisits, 0);
-    parallel_blocks(
+  for (const std::vector<std::uint32_t>& colour : grains_.colours) {
+    std::vector<std::int64_t> moved_in(colour.size(), 0);
+    parallel_for(
         colour.size(),
-        [&](std::size_t begin, std::size_t end) {
+        [&](std::size_t i) {
           if (context.cancelled()) return;
           Star star;
           std::int64_t count = 0;
-          for (std::size_t i = begin; i != end; ++i) {
-            const VertexId v = colour[i];
+          for (std::uint32_t at = grains_.first[colour[i]]; at != grains_.first[colour[i] + 1]; ++at) {
+            const VertexId v = grains_.order[at];
             if (active_[v] == 0) continue;
             active_[v] = 0;
             gather(v, star);
-            if (star.hexes() == 0 || !body(v, star)) continue;
+            if (!body(v, star)) continue;
             active_[v] = 1;
             wake_round(v);
             ++count;
           }
-          moved_in[begin / kVisits] = count;
+          moved_in[i] = count;
         },
-        kVisits);
+        1);
     for (const std::int64_t m : moved_in) moved += m;
     context.checkpoint();
   }
