@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <deque>
+#include <map>
 #include <span>
 #include <vector>
 
 #include "core/carve/colour.h"
+#include "core/carve/part_pinches.h"
 #include "core/mesh/adjacency.h"
 
 namespace strata {
@@ -33,6 +35,9 @@ class Cleaner {
     settle();
     // Fragments may touch nothing any more once they are gone, but what they touched may now stick out.
     while (drop_fragments()) settle();
+    // What the rules above leave, mostly where regions meet, is only cut away from here on.
+    while (part_pinches(mesh_, star_, neighbours_, label_) && drop_fragments()) {
+    }
   }
 
  private:
@@ -223,22 +228,31 @@ class Cleaner {
     }
     return result;
   }
+  // The label beyond most of a piece's faces: a crumb inside another region leaves no cavity there.
+  [[nodiscard]] std::int32_t label_round(const Piece& piece) const {
+    std::map<std::int32_t, int> faces;
+    for (HexId h : piece.hexes)
+      for (int f = 0; f < 6; ++f)
+        if (const std::int32_t other = label_across(h, f); other != piece.region) ++faces[other];
+    const auto fewer = [](const auto& a, const auto& b) { return a.second < b.second; };
+    return faces.empty() ? kVoid : std::max_element(faces.begin(), faces.end(), fewer)->first;
+  }
   // The largest piece of a region stays whatever its size: a coarse mesh is better than none.
   bool drop_fragments() {
     const std::vector<Piece> all = pieces();
+    std::map<std::int32_t, std::size_t> largest;  // of each region, the first of equal ones
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const auto [at, fresh] = largest.try_emplace(all[i].region, i);
+      if (!fresh && all[i].hexes.size() > all[at->second].hexes.size()) at->second = i;
+    }
     bool dropped = false;
     for (std::size_t i = 0; i < all.size(); ++i) {
-      if (all[i].hexes.size() >= kFragment) continue;
-      const auto beats = [&](std::size_t j) {
-        return all[j].region == all[i].region && j != i &&
-               (all[j].hexes.size() > all[i].hexes.size() || (all[j].hexes.size() == all[i].hexes.size() && j < i));
-      };
-      bool beaten = false;
-      for (std::size_t j = 0; j < all.size() && !beaten; ++j) beaten = beats(j);
-      if (!beaten) continue;
+      if (all[i].hexes.size() >= kFragment || largest[all[i].region] == i) continue;
+      const std::int32_t instead = label_round(all[i]);
       for (HexId h : all[i].hexes) {
+        const bool again = flips_[h] >= kFlips;
         flips_[h] = kFlips;
-        relabel(h, kVoid);
+        relabel(h, again ? kVoid : instead);
       }
       dropped = true;
     }

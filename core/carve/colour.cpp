@@ -34,6 +34,21 @@ std::optional<Locator::Hit> crossing(const Locator& locator, const Vec3& from, c
   return locator.first_hit(from - kHair * d, d, 1 + 2 * kHair);
 }
 
+// Nodes that lie on the surface and the triangle under them. They see one another along it and would flood a region of their own.
+IdMap<VertexId, TriangleId> find_triangles_under_nodes(const Dual& dual, const Locator& locator) {
+  IdMap<VertexId, TriangleId> under(dual.mesh.position.size());
+  parallel_for(
+      under.size(),
+      [&](std::size_t i) {
+        const VertexId v(i);
+        if (dual.cut[v] == 0) return;
+        const double hair = kHair * static_cast<double>(dual.cell_size[v]);
+        under[v] = locator.closest(dual.mesh.position[v], hair).triangle;
+      },
+      256);
+  return under;
+}
+
 std::vector<Link> links_near_surface(const Dual& dual, const Locator& locator) {
   std::vector<std::pair<VertexId, VertexId>> pairs;
   for (const HexVertices& hex : dual.mesh.hexes)
@@ -43,11 +58,14 @@ std::vector<Link> links_near_surface(const Dual& dual, const Locator& locator) {
     }
   parallel_sort(pairs.begin(), pairs.end());
   pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  const IdMap<VertexId, TriangleId> under = find_triangles_under_nodes(dual, locator);
   std::vector<Link> links(pairs.size());
   parallel_for(
       pairs.size(),
       [&](std::size_t i) {
         const auto [a, b] = pairs[i];
+        links[i] = {a, b, under[a].valid() ? under[a] : under[b]};
+        if (links[i].hit.valid()) return;
         const auto hit = crossing(locator, dual.mesh.position[a], dual.mesh.position[b]);
         links[i] = {a, b, hit ? hit->triangle : TriangleId{}};
       },
