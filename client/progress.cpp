@@ -74,7 +74,16 @@ void ProgressView::progress(const v1::Progress& p) {
   bar_ = bar(p.fraction()) + format(" %3.0f %%  %.1f s", 100 * p.fraction(), p.elapsed_seconds());
   if (p.has_eta_seconds()) bar_ += format(", about %.0f s to go", p.eta_seconds());
   if (cells_ > 0) bar_ += format("  %lld hexes", static_cast<long long>(cells_));
+  if (expected_ > 0) bar_ += format(" (about %lld at the end)", static_cast<long long>(expected_));
   draw(false);
+}
+
+void ProgressView::estimate(const v1::Estimate& estimate) { expected_ = estimate.hexes(); }
+
+void ProgressView::tried_again(int attempt) {
+  if (style_ == Style::Silent) return;
+  clear();
+  std::cerr << format("note: the worker was lost; try %d begins\n", attempt);
 }
 
 void ProgressView::stage_ended(const v1::StageRecord& record) {

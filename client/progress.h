@@ -24,6 +24,8 @@ class ProgressView {
   void transfer(const std::string& what, std::int64_t done, std::int64_t total);
   void state(v1::JobState state, int queue_position);
   void progress(const v1::Progress& progress);
+  void estimate(const v1::Estimate& estimate);
+  void tried_again(int attempt);
   void stage_ended(const v1::StageRecord& record);
   void quality(const v1::Quality& quality);
   void adjustment(const v1::Diagnostic& diagnostic);
@@ -34,7 +36,7 @@ class ProgressView {
   void draw(bool force);
   Style style_;
   std::string headline_, bar_, quality_;
-  std::int64_t cells_ = 0;
+  std::int64_t cells_ = 0, expected_ = 0;
   int notes_ = 0;
   int drawn_ = 0;
   std::chrono::steady_clock::time_point last_{};

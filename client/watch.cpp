@@ -18,7 +18,11 @@ constexpr std::chrono::seconds kSilence{60};  // six heartbeats without a word: 
 void show(const v1::WatchJobResponse& event, ProgressView& view) {
   switch (event.event_case()) {
     case v1::WatchJobResponse::kSnapshot: view.state(event.snapshot().state(), event.snapshot().queue_position()); break;
-    case v1::WatchJobResponse::kStateChanged: view.state(event.state_changed().state(), event.state_changed().queue_position()); break;
+    case v1::WatchJobResponse::kStateChanged:
+      view.state(event.state_changed().state(), event.state_changed().queue_position());
+      if (event.state_changed().attempt() > 1) view.tried_again(event.state_changed().attempt());
+      break;
+    case v1::WatchJobResponse::kEstimate: view.estimate(event.estimate()); break;
     case v1::WatchJobResponse::kProgress: view.progress(event.progress()); break;
     case v1::WatchJobResponse::kStageEnded: view.stage_ended(event.stage_ended()); break;
     case v1::WatchJobResponse::kQuality: view.quality(event.quality().quality()); break;

@@ -136,8 +136,33 @@ HexMesh fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& 
   return std::move(fitted.mesh);
 }
 
+Estimate estimate_of(std::int64_t triangles, const Octree& octree, const MeshSpec& spec) {
+  Estimate estimate;
+  estimate.triangles = triangles;
+  estimate.octree_cells = static_cast<std::int64_t>(octree.block_count()) * 8;
+  const auto dual_hexes = static_cast<double>(count_dual_hexes(octree));
+  double layer_count = 0;
+  for (const LayerSpec& l : spec.layers) layer_count = std::max(layer_count, static_cast<double>(l.count.value_or(5)));
+  const double cut_cells = 4.0 * static_cast<double>(std::count(octree.cut.begin(), octree.cut.end(), 1));
+  const double hexes = kMeshedShareOfDual * dual_hexes + layer_count * cut_cells;
+  estimate.hexes = static_cast<std::int64_t>(hexes);
+  estimate.memory_bytes = static_cast<std::int64_t>(kBytesPerHex * std::max(hexes, dual_hexes));
+  estimate.cpu_seconds = kCpuSecondsPerHex * hexes;
+  return estimate;
+}
+
 void to_input_frame(HexMesh& mesh, const Frame& frame) {
   for (Vec3& p : mesh.position) p = frame.to_input(p);
+}
+
+// Tells the quality of a mesh that is still in the working frame.
+void tell_quality(Stage stage, const HexMesh& mesh, const Surface& surface, const Observer& observer, Context& context) {
+  if (!observer.on_quality) return;
+  Quality quality = measure_quality(mesh, surface.patch_names, context);
+  const double length = 1 / surface.frame.scale;
+  for (RegionStatistics& region : quality.regions) region.volume *= length * length * length;
+  for (PatchStatistics& patch : quality.patches) patch.area *= length * length;
+  observer.on_quality(stage, quality);
 }
 
 void add_layer_statistics(Quality& quality, const std::vector<PatchLayers>& layers, const Surface& surface) {
@@ -179,8 +204,9 @@ std::string_view rung_name(Rung rung) {
   return "unknown";
 }
 
-Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context) {
+Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, const Observer& observer) {
   Outcome outcome;
+  const auto triangles = static_cast<std::int64_t>(soup.triangles.size());
 
   context.begin(Stage::Condition);
   const Surface surface = condition(std::move(soup), context);
@@ -195,6 +221,7 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context) {
 
   context.begin(Stage::RefineOctree);
   Octree octree = refine_octree(surface, sizes, octree_options(spec), context);
+  if (observer.on_estimate) observer.on_estimate(estimate_of(triangles, octree, spec));
 
   context.begin(Stage::Dualize);
   Dual dual = dualize(std::move(octree), context);
@@ -212,12 +239,15 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context) {
 
   context.begin(Stage::FitToSmooth);
   mesh = fit_to_smooth(std::move(mesh), ground, context).mesh;
+  tell_quality(Stage::FitToSmooth, mesh, surface, observer, context);
   mesh = fit_features(std::move(mesh), ground, outcome.rung, context);
+  tell_quality(Stage::FitToFeatures, mesh, surface, observer, context);
 
   if (!spec.layers.empty()) {
     context.begin(Stage::GrowLayers);
     GrowResult grown = grow_layers(std::move(mesh), spec.layers, ground, context);
     mesh = std::move(grown.mesh);
+    tell_quality(Stage::GrowLayers, mesh, surface, observer, context);
     fall_to(outcome.rung, rung_of(grown.rung));
     to_input_frame(mesh, surface.frame);
     context.begin(Stage::MeasureQuality);
@@ -250,15 +280,7 @@ CheckReport check_request(TriangleSoup soup, const MeshSpec& wish, Context& cont
       const Features features = detect_features(surface, {.ridge_angle = spec.features.ridge_angle}, context);
       const SizeField sizes = make_size_field(surface, features, size_options(spec, surface), context);
       const Octree octree = refine_octree(surface, sizes, octree_options(spec), context);
-      report.estimate.octree_cells = static_cast<std::int64_t>(octree.block_count()) * 8;
-      const auto dual_hexes = static_cast<double>(count_dual_hexes(octree));
-      double layer_count = 0;
-      for (const LayerSpec& l : spec.layers) layer_count = std::max(layer_count, static_cast<double>(l.count.value_or(5)));
-      const double cut_cells = 4.0 * static_cast<double>(std::count(octree.cut.begin(), octree.cut.end(), 1));
-      const double hexes = kMeshedShareOfDual * dual_hexes + layer_count * cut_cells;
-      report.estimate.hexes = static_cast<std::int64_t>(hexes);
-      report.estimate.memory_bytes = static_cast<std::int64_t>(kBytesPerHex * std::max(hexes, dual_hexes));
-      report.estimate.cpu_seconds = kCpuSecondsPerHex * hexes;
+      report.estimate = estimate_of(report.estimate.triangles, octree, spec);
     }
   } catch (const MeshError& error) {
     if (error.failure() != Failure::InvalidInput) throw;

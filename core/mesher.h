@@ -1,6 +1,7 @@
 // The only door into the mesher.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -35,10 +36,6 @@ struct Outcome {
   std::vector<StageRecord> stages;
 };
 
-// Meshes the surface as asked. Runs on the calling thread and its TBB arena; same input, same bytes out for any thread count.
-// Throws MeshError: InvalidInput (with the first thing wrong), LimitExceeded, Cancelled, Internal.
-Outcome generate(TriangleSoup soup, const MeshSpec& spec, Context& context);
-
 // What a run would cost, from the surface and the octree alone. Figures are estimates but for octree_cells.
 struct Estimate {
   std::int64_t triangles = 0;
@@ -47,6 +44,17 @@ struct Estimate {
   std::int64_t memory_bytes = 0;
   double cpu_seconds = 0;
 };
+
+// What a run tells on its way besides Context's progress; empty functions are not called. Called from the thread that runs the pipeline.
+struct Observer {
+  std::function<void(const Estimate&)> on_estimate;            // once, when the octree exists; what it throws ends the run
+  std::function<void(Stage, const Quality&)> on_quality;       // of the mesh as it is after the stage; layers' wishes are not in it yet
+};
+
+// Meshes the surface as asked. Runs on the calling thread and its TBB arena; same input, same bytes out for any thread count.
+// Throws MeshError: InvalidInput (with the first thing wrong), LimitExceeded, Cancelled, Internal.
+Outcome generate(TriangleSoup soup, const MeshSpec& spec, Context& context, const Observer& observer = {});
+
 struct CheckReport {
   std::vector<Diagnostic> findings;   // of surface and specification; any Severity::Error means generate would refuse
   std::vector<std::string> patch_names;

@@ -55,6 +55,15 @@ class BlobStore {
   // No error when it is not there.
   virtual void remove(const std::string& id) = 0;
 
+  // For writers in other processes. A path under which this process and its children can read the blob; throws as open().
+  virtual std::string local_path(const std::string& id) const = 0;
+  // A new folder for one such writer, who leaves files there named by their ids, synced.
+  virtual std::string stage(const std::string& name) = 0;
+  // Makes a blob of such a file. Durable on return.
+  virtual void adopt(const std::string& folder, const BlobInfo& blob) = 0;
+  // Removes the folder and what was not adopted.
+  virtual void unstage(const std::string& folder) = 0;
+
   // Uploads in pieces. `sha256` may be empty: then nothing is compared.
   virtual UploadInfo start_upload(std::int64_t size, const std::string& sha256) = 0;
   virtual std::optional<UploadInfo> find_upload(const std::string& id) const = 0;

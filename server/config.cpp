@@ -2,17 +2,82 @@
 
 #include <sched.h>
 
+#include <yaml-cpp/yaml.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
+#include <map>
+#include <sstream>
+
+#include "server/memory_ledger.h"
 
 namespace strata::server {
 namespace {
 
+constexpr double kDefaultTimeLimit = 86400;  // seconds: a loop without end must end
+
+using Settings = std::vector<std::pair<std::string, std::vector<std::string>>>;
+
+void add_settings(const YAML::Node& map, const std::string& prefix, Settings& settings) {
+  for (const auto& entry : map) {
+    const std::string name = prefix + entry.first.as<std::string>();
+    const YAML::Node& value = entry.second;
+    if (value.IsMap()) {
+      add_settings(value, name + "-", settings);
+      continue;
+    }
+    std::vector<std::string> values;
+    if (value.IsScalar()) values.push_back(value.as<std::string>());
+    for (std::size_t i = 0; value.IsSequence() && i < value.size(); ++i) values.push_back(value[i].as<std::string>());
+    settings.emplace_back(name, std::move(values));
+  }
+}
+
+Settings lines_in(const std::string& text) {
+  std::istringstream stream(text);
+  Settings settings;
+  for (const CLI::ConfigItem& item : CLI::ConfigTOML().from_config(stream))
+    if (item.name != "++" && item.name != "--") settings.emplace_back(item.fullname(), item.inputs);
+  return settings;
+}
+
+// STRATAD_DATA_DIR for data-dir.
+std::string variable_of(const std::string& name) {
+  std::string variable = "STRATAD_";
+  for (const char c : name) variable += c == '-' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  return variable;
+}
+
+// What --config accepts, for CLI11.
+class ConfigFile final : public CLI::ConfigTOML {
+ public:
+  std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
+    std::ostringstream text;
+    text << input.rdbuf();
+    std::vector<CLI::ConfigItem> found;
+    try {
+      for (auto& [name, values] : settings_in(text.str())) {
+        if (std::getenv(variable_of(name).c_str()) != nullptr) continue;  // the environment beats the file
+        found.emplace_back();
+        found.back().name = name;
+        found.back().inputs = std::move(values);
+      }
+    } catch (const std::exception& error) {
+      throw CLI::ConfigError(std::string("the file given by --config cannot be read: ") + error.what());
+    }
+    return found;
+  }
+};
+
 void add_flags(CLI::App& app, Config& config) {
   const auto env = [](CLI::Option* option, const char* name) { return option->envname(name)->capture_default_str(); };
-  app.set_config("--config", "", "Settings, one `name = value` a line, named like the flags", false)->envname("STRATAD_CONFIG");
+  app.set_config("--config", "", "File with settings named like the flags: YAML, or one `name = value` a line")->envname("STRATAD_CONFIG");
+  app.config_formatter(std::make_shared<ConfigFile>());
+  app.allow_config_extras(CLI::config_extras_mode::error);
   env(app.add_option("--listen", config.server.listen, "Address: host:port (port 0: any) or unix:/path; may be repeated"),
       "STRATAD_LISTEN");
   env(app.add_option("--data-dir,--data", config.data_folder, "Folder for surfaces, meshes and jobs"), "STRATAD_DATA_DIR");
@@ -20,6 +85,16 @@ void add_flags(CLI::App& app, Config& config) {
   env(app.add_option("--cores,--threads", config.threads, "Threads of all jobs together; 0: the cores this process may use")
           ->check(CLI::Range(0, 1024)),
       "STRATAD_CORES");
+  env(app.add_option("--isolation", config.isolation, "Where jobs run: each in a process of its own, or in threads of the server")
+          ->transform(
+              CLI::CheckedTransformer(std::map<std::string, Isolation>{{"process", Isolation::Process}, {"thread", Isolation::Thread}})
+                  .description("process or thread"))
+          ->default_str("process"),
+      "STRATAD_ISOLATION");
+  env(app.add_option("--memory", config.memory_bytes, "Memory of all running jobs together, such as 8GiB; 0: what is there")
+          ->transform(CLI::AsSizeValue(false)),
+      "STRATAD_MEMORY");
+  app.add_option("--worker-program", config.worker_program)->group("");
   env(app.add_option("--queue", config.desk.queue_capacity, "Jobs that may wait")->check(CLI::Range(0, 1'000'000)), "STRATAD_QUEUE");
   env(app.add_option("--job-time-limit", config.desk.time_limit_seconds, "Seconds a job may run; 0: no limit")
           ->check(CLI::NonNegativeNumber),
@@ -54,6 +129,22 @@ double cgroup_quota() {
 
 }  // namespace
 
+Settings settings_in(const std::string& text) {
+  const YAML::Node root = [&] {
+    try {
+      return YAML::Load(text);
+    } catch (const YAML::Exception& error) {
+      // `listen = [a, b]` is no YAML; a map with a mistake is no list of such lines either.
+      if (text.find('=') == std::string::npos) throw;
+      return YAML::Node();
+    }
+  }();
+  Settings settings;
+  if (!root.IsMap()) return lines_in(text);
+  add_settings(root, "", settings);
+  return settings;
+}
+
 int usable_cores() {
   cpu_set_t set;
   int cores = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
@@ -64,6 +155,7 @@ int usable_cores() {
 
 ParsedConfig parse_config(int argc, const char* const* argv) {
   Config config;
+  config.desk.time_limit_seconds = kDefaultTimeLimit;
   CLI::App app{"stratad: meshes surfaces with hexahedra and boundary layers, over gRPC", "stratad"};
   add_flags(app, config);
   try {
@@ -72,6 +164,7 @@ ParsedConfig parse_config(int argc, const char* const* argv) {
     return {{}, app.exit(error) == 0 ? 0 : 2};
   }
   if (config.threads == 0) config.threads = usable_cores();
+  if (config.memory_bytes == 0) config.memory_bytes = usable_memory();
   config.desk.threads_per_job = std::max(1, config.threads / config.slots);
   config.desk.generator = STRATA_VERSION;
   return {config, 0};

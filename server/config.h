@@ -1,12 +1,21 @@
 // How stratad is told what to do: flags, then STRATAD_* variables, then the file given by --config, then defaults.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "server/server.h"
 
 namespace strata::server {
+
+// Where jobs run.
+enum class Isolation {
+  Process,  // each in a process of its own
+  Thread,   // in the server
+};
 
 struct Config {
   ServerOptions server;
@@ -15,6 +24,9 @@ struct Config {
   int slots = 1;                       // jobs at once
   int threads = 0;                     // of all jobs together; 0: the cores this process may use
   double drain_timeout_seconds = 300;  // for running jobs after SIGTERM
+  Isolation isolation = Isolation::Process;
+  std::int64_t memory_bytes = 0;       // of all running jobs together; 0: what is there
+  std::string worker_program = "/proc/self/exe";
   bool exit_with_parent = false;
   int ready_fd = -1;                   // gets the addresses, one a line, and is closed, when the server is ready
   std::string metrics_listen;          // host:port; empty: none
@@ -27,6 +39,10 @@ struct ParsedConfig {
   int exit_code = 0;
 };
 ParsedConfig parse_config(int argc, const char* const* argv);
+
+// Settings of a file as (name, values): a YAML map, where maps inside join their names with '-' (tls: {cert: x} is tls-cert); or
+// `name = value` lines. Throws std::runtime_error.
+std::vector<std::pair<std::string, std::vector<std::string>>> settings_in(const std::string& text);
 
 // Cores this process may use: affinity and the quota of its cgroup.
 int usable_cores();

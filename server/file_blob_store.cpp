@@ -14,60 +14,12 @@
 #include "server/blob_store.h"
 #include "server/ids.h"
 #include "server/refusal.h"
+#include "server/stored_file.h"
 
 namespace strata::server {
 namespace {
 
 namespace fs = std::filesystem;
-
-[[noreturn]] void device_failed(const std::string& doing) {
-  const int error = errno;
-  const bool full = error == ENOSPC || error == EDQUOT;
-  throw Refusal(full ? Refused::ResourceExhausted : Refused::Unavailable, full ? "STORAGE_FULL" : "STORAGE_FAILED",
-                doing + ": " + std::strerror(error))
-      .retry_after(full ? 60 : 5);
-}
-
-// An open file; closes itself.
-class File {
- public:
-  File(const std::string& path, int flags) : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0600)) {
-    if (fd_ < 0) device_failed("cannot open a stored file");
-  }
-  ~File() { ::close(fd_); }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-
-  void write(std::int64_t offset, std::string_view bytes) const {
-    while (!bytes.empty()) {
-      const ssize_t n = ::pwrite(fd_, bytes.data(), bytes.size(), offset);
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) device_failed("cannot write a blob");
-      bytes.remove_prefix(static_cast<std::size_t>(n));
-      offset += n;
-    }
-  }
-  std::size_t read(std::int64_t offset, std::span<char> into) const {
-    std::size_t done = 0;
-    while (done < into.size()) {
-      const ssize_t n = ::pread(fd_, into.data() + done, into.size() - done, offset + static_cast<std::int64_t>(done));
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) device_failed("cannot read a blob");
-      if (n == 0) break;
-      done += static_cast<std::size_t>(n);
-    }
-    return done;
-  }
-  void sync() const {
-    if (::fsync(fd_) != 0) device_failed("cannot make a blob durable");
-  }
-  void truncate(std::int64_t size) const {
-    if (::ftruncate(fd_, size) != 0) device_failed("cannot empty an upload");
-  }
-
- private:
-  int fd_;
-};
 
 std::string hex(const std::string& bytes) {
   static constexpr char kDigits[] = "0123456789abcdef";
@@ -86,11 +38,6 @@ std::string unhex(std::string_view text) {
   return bytes;
 }
 
-void sync_folder(const std::string& folder) {
-  const File directory(folder, O_RDONLY | O_DIRECTORY);
-  directory.sync();
-}
-
 std::string digest_of(const File& file, std::int64_t size) {
   wire::Sha256 sha;
   std::vector<char> buffer(wire::kFrameBytes);
@@ -102,15 +49,6 @@ std::string digest_of(const File& file, std::int64_t size) {
   }
   return sha.finish();
 }
-
-class FileReader final : public BlobReader {
- public:
-  explicit FileReader(const std::string& path) : file_(path, O_RDONLY) {}
-  std::size_t read(std::int64_t offset, std::span<char> into) const override { return file_.read(offset, into); }
-
- private:
-  File file_;
-};
 
 class FileBlobStore final : public BlobStore {
  public:
@@ -141,7 +79,7 @@ class FileBlobStore final : public BlobStore {
   std::unique_ptr<BlobReader> open(const std::string& id) const override {
     const auto blob = find(id);
     if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no blob " + shown(id)).at("blob_id");
-    return std::make_unique<FileReader>(path_of(*blob));
+    return open_file(path_of(*blob));
   }
 
   void remove(const std::string& id) override {
@@ -151,6 +89,27 @@ class FileBlobStore final : public BlobStore {
     ::unlink(path_of(found->second).c_str());
     by_digest_.erase({found->second.sha256, id});
     known_.erase(found);
+  }
+
+  std::string local_path(const std::string& id) const override {
+    const auto blob = find(id);
+    if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no blob " + shown(id)).at("blob_id");
+    return fs::absolute(path_of(*blob));
+  }
+
+  std::string stage(const std::string& name) override {
+    const std::string folder = fs::absolute(temporary_ + "/" + name);
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (error) throw Refusal(Refused::Unavailable, "STORAGE_FAILED", "cannot make a folder for results: " + error.message()).retry_after(5);
+    return folder;
+  }
+
+  void adopt(const std::string& folder, const BlobInfo& blob) override { publish(folder + "/" + blob.id, blob.size, blob.sha256, blob.id); }
+
+  void unstage(const std::string& folder) override {
+    std::error_code ignored;  // what stays is removed at the next start
+    fs::remove_all(folder, ignored);
   }
 
   UploadInfo start_upload(std::int64_t size, const std::string& sha256) override {
@@ -284,60 +243,11 @@ class FileBlobStore final : public BlobStore {
   std::map<std::string, BlobInfo> known_;
   std::map<std::pair<std::string, std::string>, bool> by_digest_;  // (digest, id)
   std::map<std::string, std::shared_ptr<Upload>> known_uploads_;
-
-  friend class FileWriter;
 };
 
-class FileWriter final : public BlobWriter {
- public:
-  FileWriter(FileBlobStore& store, const std::string& folder)
-      : store_(store), id_(random_id()), path_(folder + "/" + id_), file_(path_, O_RDWR | O_CREAT | O_EXCL) {}
-  ~FileWriter() override {
-    if (!published_) ::unlink(path_.c_str());
-  }
-
-  void write(std::string_view bytes) override {
-    sha_.add(bytes);
-    if (buffer_.size() + bytes.size() <= kBuffer) {
-      buffer_ += bytes;
-      return;
-    }
-    flush();
-    if (bytes.size() >= kBuffer) {
-      file_.write(written_, bytes);
-      written_ += static_cast<std::int64_t>(bytes.size());
-    } else {
-      buffer_ = bytes;
-    }
-  }
-
-  BlobInfo publish() override {
-    flush();
-    file_.sync();
-    BlobInfo blob = store_.publish(path_, written_, sha_.finish(), id_);
-    published_ = true;
-    return blob;
-  }
-
- private:
-  static constexpr std::size_t kBuffer = std::size_t{1} << 20;  // writers of text write in small pieces
-
-  void flush() {
-    file_.write(written_, buffer_);
-    written_ += static_cast<std::int64_t>(buffer_.size());
-    buffer_.clear();
-  }
-
-  FileBlobStore& store_;
-  std::string id_, path_;
-  File file_;
-  std::string buffer_;
-  wire::Sha256 sha_;
-  std::int64_t written_ = 0;
-  bool published_ = false;
-};
-
-std::unique_ptr<BlobWriter> FileBlobStore::create() { return std::make_unique<FileWriter>(*this, temporary_); }
+std::unique_ptr<BlobWriter> FileBlobStore::create() {
+  return write_file(temporary_, [this](const std::string& path, const BlobInfo& blob) { publish(path, blob.size, blob.sha256, blob.id); });
+}
 
 BlobInfo FileBlobStore::publish(const std::string& path, std::int64_t size, const std::string& sha256, const std::string& id) {
   BlobInfo blob{id, size, sha256};

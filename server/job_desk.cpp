@@ -105,7 +105,7 @@ JobDesk::~JobDesk() {
   ticker_.join();
   Lock lock(mutex_);
   closing_ = true;
-  for (auto& [id, live] : live_) runner_.cancel(id);
+  for (auto& [id, live] : live_) runner_.cancel(id, Stop::Cancelled);
   idle_.wait(lock, [this] { return running_ == 0; });
 }
 
@@ -248,11 +248,13 @@ void JobDesk::start(const Lock& lock, Live& live) {
   const int threads = request.max_threads() > 0 ? std::min(request.max_threads(), options_.threads_per_job) : options_.threads_per_job;
   job.set_state(v1::JOB_STATE_RUNNING);
   job.set_threads(threads);
+  job.set_attempt(1);
   *job.mutable_start_time() = now();
   live.started = Clock::now();
   job.mutable_usage()->set_queue_seconds(std::chrono::duration<double>(live.started - live.created).count());
   v1::WatchJobResponse running;
   running.mutable_state_changed()->set_state(v1::JOB_STATE_RUNNING);
+  running.mutable_state_changed()->set_attempt(1);
   const v1::WatchJobResponse& event = log(lock, live, std::move(running));
   static_cast<void>(save(job, {event}));  // the end of the job is saved with all that came before
   const std::string id = job.job_id();
@@ -281,11 +283,22 @@ void JobDesk::happened(const std::string& job_id, v1::WatchJobResponse event) {
     if (found == live_.end()) return;
     Live& live = *found->second;
     const bool keep = !event.has_progress();
+    note(live, event);
     const v1::WatchJobResponse& logged = log(lock, live, std::move(event));
     if (keep) static_cast<void>(save(live.stored.job, {logged}));
     watchers = live.watchers;
   }
   poke(std::move(watchers));
+}
+
+// What an event says about the job besides itself.
+void JobDesk::note(Live& live, const v1::WatchJobResponse& event) {
+  v1::Job& job = live.stored.job;
+  if (event.has_estimate()) *job.mutable_estimate() = event.estimate();
+  if (!event.has_state_changed()) return;
+  job.set_attempt(event.state_changed().attempt());
+  job.clear_progress();
+  live.progress.reset();
 }
 
 void JobDesk::finished(const std::string& job_id, v1::Job result) {
@@ -310,10 +323,11 @@ void JobDesk::finished(const std::string& job_id, v1::Job result) {
 void JobDesk::finish(const Lock& lock, Live& live, v1::Job result) {
   v1::Job& job = live.stored.job;
   if (live.out_of_time && result.state() == v1::JOB_STATE_CANCELLED) {
-    const v1::Stage stage = result.error().stage();
+    const v1::JobError stopped = result.error();
     result.set_state(v1::JOB_STATE_FAILED);
     *result.mutable_error() = error_of(4, "TIME_BUDGET_EXCEEDED", "the job took longer than its time limit");
-    result.mutable_error()->set_stage(stage);
+    result.mutable_error()->set_stage(stopped.stage());
+    result.mutable_error()->set_backtrace(stopped.backtrace());
   }
   const double queued = job.usage().queue_seconds();
   job.MergeFrom(result);
@@ -405,7 +419,7 @@ v1::Job JobDesk::cancel(const std::string& job_id) {
         finish(lock, live, std::move(result));
       } else {
         live.stored.job.set_cancel_requested(true);
-        runner_.cancel(job_id);
+        runner_.cancel(job_id, Stop::Cancelled);
       }
     }
   }
@@ -509,7 +523,7 @@ void JobDesk::tick() {
       if (options_.time_limit_seconds > 0 && (limit == 0 || options_.time_limit_seconds < limit)) limit = options_.time_limit_seconds;
       if (limit == 0 || std::chrono::duration<double>(at - live->started).count() < limit) continue;
       live->out_of_time = true;
-      runner_.cancel(id);
+      runner_.cancel(id, Stop::OutOfTime);
     }
     std::erase_if(watchers_, [](const std::weak_ptr<Watcher>& w) { return w.expired(); });
     watchers = watchers_;

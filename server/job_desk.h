@@ -105,6 +105,7 @@ class JobDesk {
   void schedule(const Lock&);
   void start(const Lock&, Live& live);
   void happened(const std::string& job_id, v1::WatchJobResponse event);
+  static void note(Live& live, const v1::WatchJobResponse& event);
   void finished(const std::string& job_id, v1::Job result);
   void finish(const Lock&, Live& live, v1::Job result);
   v1::WatchJobResponse& log(const Lock&, Live& live, v1::WatchJobResponse event);

@@ -13,7 +13,7 @@ class LoggedRunner final : public JobRunner {
   explicit LoggedRunner(JobRunner& runner) : runner_(runner) {}
 
   int slots() const override { return runner_.slots(); }
-  void cancel(const std::string& job_id) override { runner_.cancel(job_id); }
+  void cancel(const std::string& job_id, Stop why) override { runner_.cancel(job_id, why); }
 
   void start(JobOrder order, EventSink on_event, Done on_done) override {
     const std::string id = order.job_id;

@@ -12,6 +12,7 @@
 #include "server/config.h"
 #include "server/job_log.h"
 #include "server/metrics.h"
+#include "server/worker.h"
 
 namespace {
 
@@ -71,8 +72,10 @@ void drain(const Config& config, pid_t parent, Server& server, JobDesk& desk, co
 void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   const auto blobs = open_file_blob_store(config.data_folder);
   const auto jobs = open_job_store(config.data_folder);
-  const MesherDoor mesher{&strata::generate, &strata::check_request, &strata::check};
-  const auto runner = make_thread_runner(config.slots, *blobs, mesher);
+  const MesherDoor mesher = mesher_door();
+  MemoryLedger memory(config.memory_bytes);
+  const auto runner = config.isolation == Isolation::Thread ? make_thread_runner(config.slots, *blobs, memory, mesher)
+                                                            : make_process_runner({config.slots, config.worker_program}, *blobs, memory);
   const auto logged = log_jobs(*runner);
   Metrics metrics;
   const auto measured = metrics.measure(*logged);
@@ -94,6 +97,7 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (is_worker(argc, argv)) return worker_main(mesher_door(), argv);
   keep_memory_between_messages();
   const ParsedConfig parsed = parse_config(argc, argv);
   if (!parsed.config) return parsed.exit_code;

@@ -78,18 +78,35 @@ void record_outcome(const Outcome& outcome, v1::Job& job) {
   }
 }
 
-void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const EventSink& sink, v1::Job& job) {
+void tell_quality(v1::Stage stage, const v1::Quality& quality, const EventSink& sink) {
+  v1::WatchJobResponse event;
+  event.mutable_quality()->set_stage(stage);
+  *event.mutable_quality()->mutable_quality() = quality;
+  sink(std::move(event));
+}
+
+Observer observer_of(const MemoryGate& gate, const EventSink& sink) {
+  Observer observer;
+  observer.on_estimate = [&](const Estimate& estimate) {
+    v1::WatchJobResponse event;
+    *event.mutable_estimate() = to_wire(estimate);
+    sink(std::move(event));
+    gate(estimate);
+  };
+  observer.on_quality = [&](Stage stage, const Quality& quality) { tell_quality(to_wire(stage), to_wire(quality), sink); };
+  return observer;
+}
+
+void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const Observer& observer,
+             const EventSink& sink, v1::Job& job) {
   context.begin(Stage::Read);
   const v1::Surface& surface = order.request.surface();
   const auto blob = blobs.find(surface.blob_id());
   if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "the surface of the job is no longer stored");
   TriangleSoup soup = read_wire_surface(surface, read_all(blobs, *blob));
-  const Outcome outcome = mesher.generate(std::move(soup), from_wire(order.request.spec()), context);
+  const Outcome outcome = mesher.generate(std::move(soup), from_wire(order.request.spec()), context, observer);
   record_outcome(outcome, job);
-  v1::WatchJobResponse measured;
-  measured.mutable_quality()->set_stage(v1::STAGE_MEASURE_QUALITY);
-  *measured.mutable_quality()->mutable_quality() = job.quality();
-  sink(std::move(measured));
+  tell_quality(v1::STAGE_MEASURE_QUALITY, job.quality(), sink);
 
   context.begin(Stage::Write);
   ArtifactSet artifacts(blobs);
@@ -128,9 +145,11 @@ rusage process_usage() {
   return usage;
 }
 
-void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const EventSink& sink, v1::Job& job) {
+void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const MemoryGate& gate,
+                 const EventSink& sink, v1::Job& job) {
   try {
-    with_threads(order.threads, [&] { produce(order, blobs, mesher, context, sink, job); });
+    const Observer observer = observer_of(gate, sink);
+    with_threads(order.threads, [&] { produce(order, blobs, mesher, context, observer, sink, job); });
     job.set_state(v1::JOB_STATE_SUCCEEDED);
   } catch (const MeshError& error) {
     fail(job, to_wire(error));
@@ -146,7 +165,7 @@ void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesh
 }  // namespace
 
 v1::Job run_mesh_job(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, const std::atomic<bool>& cancel,
-                     const EventSink& sink) {
+                     const MemoryGate& gate, const EventSink& sink) {
   const auto started = std::chrono::steady_clock::now();
   const rusage before = process_usage();
   ProgressMeter meter(sink);
@@ -161,7 +180,7 @@ v1::Job run_mesh_job(const JobOrder& order, BlobStore& blobs, const MesherDoor& 
   watched = &context;
 
   v1::Job job;
-  run_guarded(order, blobs, mesher, context, sink, job);
+  run_guarded(order, blobs, mesher, context, gate, sink, job);
   if (job.has_error()) {
     job.mutable_error()->set_stage(meter.stage());
     context.end();

@@ -17,12 +17,16 @@ struct JobOrder {
   int threads = 1;
 };
 
-// What happens on the way, without sequence: progress (at most 10 a second), stage_ended, quality, adjustment. Called from one thread.
+// What happens on the way, without sequence: progress (at most 10 a second), stage_ended, estimate, quality, adjustment. Called from one
+// thread.
 using EventSink = std::function<void(v1::WatchJobResponse)>;
+
+// Asked once, when the cost of the rest is known: returns when the memory is there, throws MeshError when it will not be.
+using MemoryGate = std::function<void(const Estimate&)>;
 
 // Returns the fields of Job that the run decides: state (SUCCEEDED, FAILED or CANCELLED), error or artifacts, rung, patches, quality, stages,
 // adjustments, usage, counts. Does not throw. Nothing is stored unless it succeeds.
 v1::Job run_mesh_job(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, const std::atomic<bool>& cancel,
-                     const EventSink& sink);
+                     const MemoryGate& gate, const EventSink& sink);
 
 }  // namespace strata::server

@@ -89,7 +89,7 @@ struct Metrics::Parts {
    public:
     MeasuredRunner(JobRunner& runner, Parts& parts) : runner_(runner), parts_(parts) {}
     int slots() const override { return runner_.slots(); }
-    void cancel(const std::string& job_id) override { runner_.cancel(job_id); }
+    void cancel(const std::string& job_id, Stop why) override { runner_.cancel(job_id, why); }
     void start(JobOrder order, EventSink on_event, Done on_done) override {
       runner_.start(std::move(order), std::move(on_event), [this, on_done = std::move(on_done)](v1::Job job) {
         parts_.count(job);

@@ -1,3 +1,4 @@
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <map>
@@ -13,7 +14,8 @@ namespace {
 
 class ThreadRunner final : public JobRunner {
  public:
-  ThreadRunner(int slots, BlobStore& blobs, MesherDoor mesher) : blobs_(blobs), mesher_(std::move(mesher)) {
+  ThreadRunner(int slots, BlobStore& blobs, MemoryLedger& memory, MesherDoor mesher)
+      : blobs_(blobs), memory_(memory), mesher_(std::move(mesher)) {
     for (int i = 0; i < slots; ++i) threads_.emplace_back([this](const std::stop_token& stop) { serve(stop); });
   }
 
@@ -34,7 +36,7 @@ class ThreadRunner final : public JobRunner {
     changed_.notify_one();
   }
 
-  void cancel(const std::string& job_id) override {
+  void cancel(const std::string& job_id, Stop) override {
     const std::lock_guard lock(mutex_);
     const auto found = cancelled_.find(job_id);
     if (found != cancelled_.end()) *found->second = true;
@@ -58,7 +60,9 @@ class ThreadRunner final : public JobRunner {
         waiting_.pop_front();
         cancelled = cancelled_[task.order.job_id];
       }
-      v1::Job result = run_mesh_job(task.order, blobs_, mesher_, *cancelled, task.on_event);
+      const MemoryGate gate = [&](const Estimate& estimate) { wait_for_memory(task.order.job_id, estimate, *cancelled); };
+      v1::Job result = run_mesh_job(task.order, blobs_, mesher_, *cancelled, gate, task.on_event);
+      memory_.release(task.order.job_id);
       {
         const std::lock_guard lock(mutex_);
         cancelled_.erase(task.order.job_id);
@@ -67,7 +71,14 @@ class ThreadRunner final : public JobRunner {
     }
   }
 
+  void wait_for_memory(const std::string& job_id, const Estimate& estimate, const std::atomic<bool>& cancelled) {
+    constexpr std::chrono::milliseconds kLook{20};
+    const Context context(&cancelled, {});
+    for (; !memory_.try_reserve(job_id, estimate.memory_bytes); std::this_thread::sleep_for(kLook)) context.checkpoint();
+  }
+
   BlobStore& blobs_;
+  MemoryLedger& memory_;
   MesherDoor mesher_;
   std::mutex mutex_;
   std::condition_variable_any changed_;
@@ -78,8 +89,8 @@ class ThreadRunner final : public JobRunner {
 
 }  // namespace
 
-std::unique_ptr<JobRunner> make_thread_runner(int slots, BlobStore& blobs, MesherDoor mesher) {
-  return std::make_unique<ThreadRunner>(slots, blobs, std::move(mesher));
+std::unique_ptr<JobRunner> make_thread_runner(int slots, BlobStore& blobs, MemoryLedger& memory, MesherDoor mesher) {
+  return std::make_unique<ThreadRunner>(slots, blobs, memory, std::move(mesher));
 }
 
 }  // namespace strata::server

@@ -17,71 +17,14 @@ using namespace std::chrono_literals;
 
 constexpr const char* kTetrahedron = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
 
-HexMesh stack_of_cubes(int count) {
-  HexMesh mesh;
-  for (int level = 0; level <= count; ++level)
-    for (const auto& [x, y] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) mesh.position.push_back(Vec3(x, y, level));
-  for (int i = 0; i < count; ++i) {
-    HexVertices hex;
-    for (int k = 0; k < 8; ++k) hex[static_cast<std::size_t>(k)] = VertexId(4 * i + k);
-    mesh.hexes.push_back(hex);
-    mesh.region.push_back(RegionId(0));
-    mesh.layer.push_back(0);
-  }
-  mesh.quads.push_back({VertexId(0), VertexId(3), VertexId(2), VertexId(1)});
-  mesh.patch.push_back(PatchId(0));
-  return mesh;
-}
-
 }  // namespace
-
-Outcome FakeMesher::generate(const TriangleSoup& soup, Context& context) {
-  on_generate();
-  context.begin(Stage::RefineOctree);
-  while (held_) {
-    context.progress(0.5, 1);
-    std::this_thread::sleep_for(2ms);
-  }
-  context.begin(Stage::MeasureQuality);
-  Diagnostic thinner;
-  thinner.reason = Reason::LayersThinned;
-  thinner.severity = Severity::Warning;
-  thinner.message = "thinner";
-  context.adjusted(thinner);
-  Outcome outcome;
-  outcome.mesh = stack_of_cubes(hexes);
-  for (const std::string& name : soup.patch_names) outcome.patch_names.push_back(name);
-  outcome.quality.all.count = hexes;
-  outcome.rung = Rung::LayersThinned;
-  outcome.adjustments = context.adjustments();
-  return outcome;
-}
-
-MesherDoor FakeMesher::door() {
-  return {[this](const TriangleSoup& soup, const MeshSpec&, Context& context) { return generate(soup, context); },
-          [](const TriangleSoup& soup, const MeshSpec&, Context&) {
-            CheckReport report;
-            report.patch_names = soup.patch_names;
-            report.estimate.triangles = static_cast<std::int64_t>(soup.triangles.size());
-            return report;
-          },
-          [](const MeshSpec& spec, const std::vector<std::string>&) {
-            std::vector<Diagnostic> findings;
-            if (!spec.sizing.max_size || *spec.sizing.max_size > 0) return findings;
-            findings.emplace_back();
-            findings.back().reason = Reason::SpecInvalid;
-            findings.back().field = "sizing.max_size";
-            findings.back().message = "sizing.max_size must be more than 0";
-            return findings;
-          }};
-}
 
 void ServerFixture::start(TestOptions options) {
   folder_ = (fs::temp_directory_path() / ("strata-rpc-" + random_id())).string();
   fs::create_directories(folder_);
   blobs_ = open_file_blob_store(folder_);
   jobs_ = make_memory_job_store();
-  runner_ = make_thread_runner(options.slots, *blobs_, mesher_.door());
+  runner_ = make_thread_runner(options.slots, *blobs_, memory_, mesher_.door());
   options.desk.generator = "test";
   desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, mesher_.door(), options.desk);
   ServerOptions wire;

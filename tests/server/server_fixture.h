@@ -14,22 +14,9 @@
 #include "strata/v1/blob.grpc.pb.h"
 #include "strata/v1/job.grpc.pb.h"
 #include "strata/v1/system.grpc.pb.h"
+#include "tests/server/fake_mesher.h"
 
 namespace strata::server {
-
-// A door behind which a unit cube is "meshed" to one hex; with `hold`, only after release(), looking at the context all the while.
-class FakeMesher {
- public:
-  [[nodiscard]] MesherDoor door();
-  void hold() { held_ = true; }
-  void release() { held_ = false; }
-  int hexes = 1;  // in the mesh it makes
-  std::function<void()> on_generate = [] {};
-
- private:
-  Outcome generate(const TriangleSoup& soup, Context& context);
-  std::atomic<bool> held_ = false;
-};
 
 struct TestOptions {
   int slots = 1;
@@ -54,6 +41,7 @@ class ServerFixture : public testing::Test {
   std::string folder_;
   std::unique_ptr<BlobStore> blobs_;
   std::unique_ptr<JobStore> jobs_;
+  MemoryLedger memory_{std::int64_t{1} << 30};
   std::unique_ptr<JobRunner> runner_;
   std::unique_ptr<JobDesk> desk_;
   std::unique_ptr<Server> server_;

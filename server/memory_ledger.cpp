@@ -1,0 +1,68 @@
+#include "server/memory_ledger.h"
+
+#include <algorithm>
+#include <fstream>
+#include <limits>
+#include <utility>
+
+namespace strata::server {
+namespace {
+
+constexpr std::int64_t kMiB = std::int64_t{1} << 20;
+constexpr std::int64_t kServerReserve = 512 * kMiB;
+constexpr std::int64_t kLeast = 256 * kMiB;       // a machine with less has no business here, but tests do
+constexpr std::int64_t kBaseOfWorker = 512 * kMiB;  // programs, stacks, allocator arenas
+constexpr std::int64_t kOvershoot = 3;            // limit over estimate
+
+std::int64_t number_in(const char* path, const std::string& key) {
+  std::ifstream file(path);
+  std::string word;
+  std::int64_t value = 0;
+  if (key.empty()) return file >> value ? value : std::numeric_limits<std::int64_t>::max();
+  while (file >> word)
+    if (word == key && file >> value) return value * 1024;  // /proc/meminfo counts in KiB
+  return std::numeric_limits<std::int64_t>::max();
+}
+
+}  // namespace
+
+std::int64_t memory_limit_for(std::int64_t estimated_bytes) { return kOvershoot * estimated_bytes + kBaseOfWorker; }
+
+std::int64_t usable_memory() {
+  const std::int64_t least =
+      std::min({number_in("/sys/fs/cgroup/memory.max", ""), number_in("/sys/fs/cgroup/memory/memory.limit_in_bytes", ""),
+                number_in("/proc/meminfo", "MemAvailable:")});
+  return std::max(least - kServerReserve, kLeast);
+}
+
+std::int64_t MemoryLedger::reserved() const {
+  const std::lock_guard lock(mutex_);
+  return sum_;
+}
+
+bool MemoryLedger::try_reserve(const std::string& job_id, std::int64_t bytes) {
+  if (bytes > budget_) {
+    Diagnostic diagnostic;
+    diagnostic.reason = Reason::MemoryBudgetExceeded;
+    diagnostic.values = {{"needed_bytes", static_cast<double>(bytes)}, {"budget_bytes", static_cast<double>(budget_)}};
+    diagnostic.message = "the mesh would need about " + std::to_string(bytes / kMiB) + " MiB, the server has " +
+                         std::to_string(budget_ / kMiB) + " MiB for jobs: ask for larger cells";
+    throw MeshError(Failure::LimitExceeded, std::move(diagnostic));
+  }
+  const std::lock_guard lock(mutex_);
+  std::int64_t& mine = reserved_[job_id];
+  if (sum_ - mine + bytes > budget_) return false;
+  sum_ += bytes - mine;
+  mine = bytes;
+  return true;
+}
+
+void MemoryLedger::release(const std::string& job_id) {
+  const std::lock_guard lock(mutex_);
+  const auto found = reserved_.find(job_id);
+  if (found == reserved_.end()) return;
+  sum_ -= found->second;
+  reserved_.erase(found);
+}
+
+}  // namespace strata::server

@@ -1,0 +1,7 @@
+#include "server/mesher_door.h"
+
+namespace strata::server {
+
+MesherDoor mesher_door() { return {&strata::generate, &strata::check_request, &strata::check}; }
+
+}  // namespace strata::server

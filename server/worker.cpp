@@ -1,0 +1,164 @@
+#include "server/worker.h"
+
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <mutex>
+#include <new>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "core/base/diagnostic.h"
+#include "server/backtrace.h"
+#include "server/convert.h"
+#include "server/mesh_job.h"
+#include "server/pipe_messages.h"
+#include "server/refusal.h"
+#include "server/stored_file.h"
+#include "strata/worker/v1/worker.pb.h"
+
+namespace strata::server {
+namespace {
+
+namespace wire = strata::worker::v1;
+
+// One surface to read, results into a folder from which the server takes them.
+class StagedBlobs final : public BlobStore {
+ public:
+  StagedBlobs(BlobInfo surface, std::string surface_path, std::string folder)
+      : surface_(std::move(surface)), surface_path_(std::move(surface_path)), folder_(std::move(folder)) {}
+
+  std::unique_ptr<BlobWriter> create() override {
+    return write_file(folder_, [](const std::string&, const BlobInfo&) {});
+  }
+  std::optional<BlobInfo> find(const std::string& id) const override { return id == surface_.id ? std::optional(surface_) : std::nullopt; }
+  std::unique_ptr<BlobReader> open(const std::string&) const override { return open_file(surface_path_); }
+  void remove(const std::string& id) override { ::unlink((folder_ + "/" + id).c_str()); }
+
+  // The rest is the server's.
+  std::optional<BlobInfo> find_digest(const std::string&) const override { return {}; }
+  std::string local_path(const std::string&) const override { return surface_path_; }
+  std::string stage(const std::string&) override { not_here(); }
+  void adopt(const std::string&, const BlobInfo&) override { not_here(); }
+  void unstage(const std::string&) override { not_here(); }
+  UploadInfo start_upload(std::int64_t, const std::string&) override { not_here(); }
+  std::optional<UploadInfo> find_upload(const std::string&) const override { return {}; }
+  UploadInfo write_upload(const std::string&, std::int64_t, std::string_view) override { not_here(); }
+  UploadInfo commit_upload(const std::string&) override { not_here(); }
+
+ private:
+  [[noreturn]] static void not_here() { throw std::logic_error("a worker has no uploads"); }
+
+  const BlobInfo surface_;
+  const std::string surface_path_, folder_;
+};
+
+[[noreturn]] void out_of_memory() { _exit(kOutOfMemoryExit); }
+
+void limit_memory([[maybe_unused]] std::int64_t bytes) {
+#ifndef __SANITIZE_ADDRESS__  // its shadow is far larger than any limit
+  if (bytes <= 0) return;
+  rlimit limit{};
+  getrlimit(RLIMIT_DATA, &limit);
+  limit.rlim_cur = static_cast<rlim_t>(bytes);
+  setrlimit(RLIMIT_DATA, &limit);
+#endif
+}
+
+// Dies with the server, is the first to go when memory runs out, leaves no core files, holds none of the server's files.
+bool settle(pid_t server) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != server) return false;
+  std::signal(SIGPIPE, SIG_IGN);
+  close_range(STDERR_FILENO + 1, ~0U, 0);
+  const rlimit none{0, 0};
+  setrlimit(RLIMIT_CORE, &none);
+  std::ofstream("/proc/self/oom_score_adj") << 500;
+  report_crashes();
+  std::set_new_handler(out_of_memory);
+  return true;
+}
+
+// What the server says while the job runs.
+class Orders {
+ public:
+  explicit Orders(int fd) : thread_([this, fd] { listen(fd); }) { thread_.detach(); }
+
+  [[nodiscard]] const std::atomic<bool>& cancelled() const { return cancelled_; }
+  // Waits; throws MeshError(Cancelled) instead when that comes first.
+  void wait_for_grant() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return granted_ || cancelled_; });
+    Context(&cancelled_, {}).checkpoint();
+  }
+
+ private:
+  void listen(int fd) {
+    wire::Command command;
+    while (read_message(fd, command)) {
+      const std::lock_guard lock(mutex_);
+      if (command.has_grant()) {
+        limit_memory(command.grant().memory_limit_bytes());
+        granted_ = true;
+      }
+      if (command.has_cancel()) cancelled_ = true;
+      changed_.notify_all();
+    }
+    _exit(0);  // the server is gone
+  }
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::atomic<bool> cancelled_ = false;
+  bool granted_ = false;
+  std::thread thread_;
+};
+
+JobOrder order_of(wire::Order& order) { return {order.job_id(), std::move(*order.mutable_request()), order.threads()}; }
+
+}  // namespace
+
+bool is_worker(int argc, const char* const* argv) { return argc == 3 && std::string(argv[1]) == kWorkerFlag; }
+
+int worker_main(const MesherDoor& mesher, const char* const* argv) {
+  if (!settle(static_cast<pid_t>(std::atoi(argv[2])))) return 1;
+  wire::Command command;
+  if (!read_message(STDIN_FILENO, command) || !command.has_order()) return 1;
+  wire::Order& order = *command.mutable_order();
+  limit_memory(order.memory_limit_bytes());
+  // The server looks from here on; static, because its thread listens until the process ends.
+  static Orders orders(STDIN_FILENO);
+
+  const auto tell = [](const wire::Report& report) {
+    if (!write_message(STDOUT_FILENO, report)) _exit(0);
+  };
+  BlobInfo surface;
+  surface.id = order.request().surface().blob_id();
+  surface.size = order.surface_bytes();
+  StagedBlobs blobs(surface, order.surface_path(), order.staging_folder());
+  const MemoryGate gate = [&](const Estimate& estimate) {
+    wire::Report report;
+    *report.mutable_estimate() = to_wire(estimate);
+    tell(report);
+    orders.wait_for_grant();
+  };
+  const EventSink sink = [&](v1::WatchJobResponse event) {
+    wire::Report report;
+    *report.mutable_event() = std::move(event);
+    tell(report);
+  };
+  wire::Report report;
+  *report.mutable_result()->mutable_job() = run_mesh_job(order_of(order), blobs, mesher, orders.cancelled(), gate, sink);
+  tell(report);
+  return 0;
+}
+
+}  // namespace strata::server
