@@ -8,8 +8,8 @@
 namespace strata {
 namespace {
 
-constexpr int kSmoothSweeps = 20;        // staircase to surface: information travels a ring a sweep, steps are about a cell deep
-constexpr int kFeatureSweeps = 32;
+constexpr int kSmoothSweeps = 6;
+constexpr int kFeatureSweeps = 10;
 constexpr int kPolishRounds = 2;
 constexpr double kPolishGoal = 0.4;      // scaled Jacobian the worst hexes are raised to, where possible
 constexpr double kHealthy = 0.05;  // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
@@ -24,6 +24,7 @@ FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context) {
   request.ground = &ground;
   OptimiseOptions options;
   options.sweeps = kSmoothSweeps;
+  options.arrival = Arrival::AtOnce;
   options.power = 2;
   options.min_scaled_jacobian = kHealthy;
   OptimiseResult result = optimise(std::move(mesh), request, options, context);
@@ -35,6 +36,7 @@ FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context) 
   request.ground = &ground;
   OptimiseOptions options;
   options.sweeps = kFeatureSweeps;
+  options.arrival = Arrival::AtOnce;
   options.power = 2;
   options.min_scaled_jacobian = kAcceptable;
   OptimiseResult result = optimise(std::move(mesh), request, options, context);

@@ -31,6 +31,6 @@ bool acceptable(const Star& star, const Vec3& d, const DescentOptions& options);
 // One visit of the general optimiser; true when the vertex moved noticeably or has still to reach its ground.
 bool visit(Workspace& work, VertexId v, const Star& star, const DescentOptions& options, bool project);
 
-inline constexpr double kStill = 1e-3;  // of the mean edge at the vertex: a smaller move is none
+inline constexpr double kStill = 1e-2;  // of the mean edge at the vertex: a smaller move is none
 
 }  // namespace strata

@@ -13,8 +13,12 @@
 namespace strata {
 namespace {
 
-constexpr int kUntangleSweeps = 60;   // at most, before the sweeps asked for; each touches only the surroundings of bad hexes
-constexpr int kLooseSweeps = 40;
+constexpr int kUntangleSweeps = 60;  // at most; each touches only the surroundings of bad hexes
+constexpr int kPatience = 12;        // sweeps without fewer bad hexes before untangling gives up
+constexpr int kUntangleRings = 3;    // of vertices round bad hexes that take part
+constexpr int kUntangleSteps = 4;    // Newton steps a visit
+constexpr double kGentle = 0.3;      // scaled Jacobian that first steps towards the ground may not cost
+constexpr int kArrivalRings = 3;     // of vertices round one that is still on its way
 
 // Exponent on u = (mean ratio)^(3/2).
 int exponent_of(double power) { return std::clamp(static_cast<int>(std::lround(power / 1.5)), 1, 12); }
@@ -29,56 +33,60 @@ double regularisation(const Star& star, int sweep) {
   return std::sqrt(width * width + 0.04 * deep * deep);
 }
 
-// Sweeps near the bad hexes until there are none. `rings` of vertices round them take part.
-void untangle(Workspace& work, int sweeps, int rings, bool project, double floor, const Context& context) {
-  for (int sweep = 0; sweep < sweeps && work.inverted() > 0; ++sweep) {
-    const auto near = work.vertices_near(work.bad(), rings);
-    work.wake_near(near);
-    work.sweep(
-        [&](VertexId v, const Star& star) {
-          DescentOptions options;
-          options.eps = regularisation(star, sweep);
-          options.steps = 4;
-          options.floor = options.draw_floor = floor;
-          return near[v] != 0 && visit(work, v, star, options, project);
-        },
-        context);
-  }
-}
-
-// What strict moves cannot free: sound hexes may give way for a while. Kept only when fewer hexes are bad in the end.
-void untangle_loosely(Workspace& work, double floor, const Context& context) {
+// Sweeps near the bad hexes until there are none. Sound hexes may give way for a while: energies that are finite everywhere lead round
+// obstacles that strict moves cannot pass. What came of it is kept when fewer hexes are bad in the end.
+void untangle(Workspace& work, const OptimiseOptions& options, const Context& context) {
   const std::int64_t before = work.inverted();
   if (before == 0) return;
   Workspace::Snapshot snapshot = work.snapshot();
   work.keep_sound(false);
-  untangle(work, kLooseSweeps, 4, false, floor, context);
+  std::int64_t least = before;
+  for (int sweep = 0, idle = 0; sweep < kUntangleSweeps && work.inverted() > 0 && idle < kPatience; ++sweep) {
+    work.wake_only_near_bad(kUntangleRings);
+    work.sweep(
+        [&](VertexId v, const Star& star) {
+          DescentOptions descent;
+          descent.eps = regularisation(star, sweep);
+          descent.steps = kUntangleSteps;
+          descent.floor = descent.draw_floor = options.min_scaled_jacobian;
+          return visit(work, v, star, descent, false);
+        },
+        context);
+    ++idle;
+    if (work.inverted() < least) {
+      least = work.inverted();
+      idle = 0;
+    }
+  }
   work.keep_sound(true);
-  if (work.inverted() >= before) work.restore(std::move(snapshot));
+  if (work.inverted() > before) work.restore(std::move(snapshot));
 }
 
 }  // namespace
 
 OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const OptimiseOptions& options, Context& context) {
   Workspace work(mesh, request, options.rings, options.project);
-  untangle(work, kUntangleSweeps, 2, options.project, options.min_scaled_jacobian, context);
-  untangle_loosely(work, options.min_scaled_jacobian, context);
+  if (options.project && options.arrival == Arrival::AtOnce) work.put_on_ground();
+  untangle(work, options, context);
+  const auto visit_with = [&](double gentle, int sweep) {
+    return [&work, &options, gentle, sweep](VertexId v, const Star& star) {
+      DescentOptions descent;
+      descent.exponent = star.all_sound() ? exponent_of(options.power) : 1;
+      descent.eps = regularisation(star, 20 + sweep);
+      descent.floor = descent.draw_floor = std::max(gentle, options.min_scaled_jacobian);
+      return visit(work, v, star, descent, options.project);
+    };
+  };
   work.wake_all();
   int sweep = 0;
-  for (; sweep < options.sweeps || (options.project && sweep < options.sweeps + options.arrival_sweeps && work.off_ground() > 0); ++sweep) {
+  for (; sweep < options.sweeps; ++sweep) {
     // Held vertices arrive gently: the floor under projections sinks from sweep to sweep, so that the inside can follow.
-    const double gentle = 0.3 * (1 - 2.0 * sweep / std::max(options.sweeps, 1));
-    const std::int64_t moved = work.sweep(
-        [&](VertexId v, const Star& star) {
-          DescentOptions descent;
-          descent.exponent = star.all_sound() ? exponent_of(options.power) : 1;
-          descent.eps = regularisation(star, 20 + sweep);
-          descent.floor = std::max(gentle, options.min_scaled_jacobian);
-          descent.draw_floor = std::max(gentle, options.min_scaled_jacobian);
-          return visit(work, v, star, descent, options.project);
-        },
-        context);
-    if (moved == 0) break;
+    const double gentle = kGentle * (1 - static_cast<double>(sweep) / std::max(options.sweeps, 1));
+    if (work.sweep(visit_with(gentle, sweep), context) == 0) break;
+  }
+  for (int late = 0; options.project && late < options.arrival_sweeps && work.off_ground() > 0; ++late, ++sweep) {
+    work.wake_only_near_off_ground(kArrivalRings);
+    if (work.sweep(visit_with(0, sweep), context) == 0) break;
   }
   return summarise(std::move(mesh), request, sweep);
 }

@@ -16,11 +16,18 @@ class Context;
 // Ideal edge lengths of a hex along its local x, y, z (mesh/hex.h). Only ratios matter to the shape energy.
 using HexTarget = std::array<float, 3>;
 
+// How held vertices that are off their geometry come to it.
+enum class Arrival {
+  Gently,  // step by step, never inverting a hex; some may not arrive
+  AtOnce,  // all are put there; what that inverts is untangled. Some hexes may stay inverted
+};
+
 struct OptimiseOptions {
   int sweeps = 10;  // Gauss-Seidel sweeps at most; stops early when nothing moves. Untangling before them and the last
       // steps of held vertices after them have budgets of their own
+  Arrival arrival = Arrival::Gently;
   int rings = -1;  // with `seeds`: how many rings of vertices round them take part; -1: all vertices
-  int arrival_sweeps = 20;  // more sweeps at most, while held vertices are still on their way to their geometry
+  int arrival_sweeps = 20;  // more sweeps at most near held vertices that are still on their way to their geometry
   double power = 3;  // exponent on the mean ratio of each corner: larger looks more at the worst; rounded to a multiple
       // of 3/2 (which needs no cube root)
   bool project = true;  // draw held vertices that are off their geometry towards it, never inverting a hex
@@ -45,7 +52,7 @@ struct OptimiseResult {
 };
 
 // Coloured block-coordinate descent on a regularised mean-ratio energy (docs/flow.md). Hexes that are valid stay valid, unless giving way
-// lets more others become so; the count of inverted hexes never grows. Deterministic for any thread count.
+// lets more others become so; but for Arrival::AtOnce the count of inverted hexes never grows. Deterministic for any thread count.
 OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const OptimiseOptions& options, Context& context);
 
 // Worst first: raises the smallest scaled Jacobians one neighbourhood at a time; accepts strict improvement only.

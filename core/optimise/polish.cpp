@@ -64,17 +64,18 @@ OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal,
   OptimiseRequest everywhere = request;
   Workspace work(mesh, everywhere, -1, false);
   int sweeps = 0;
-  IdMap<HexId, std::uint8_t> poor(mesh.hexes.size(), 0);
+  std::vector<std::uint8_t> is_poor(mesh.hexes.size(), 0);
   for (int round = 0; round < rounds; ++round) {
-    parallel_for(mesh.hexes.size(), [&](std::size_t i) { poor[HexId(i)] = jacobian_of(mesh, HexId(i)) < goal ? 1 : 0; });
-    if (std::find(poor.begin(), poor.end(), std::uint8_t{1}) == poor.end()) break;
-    const auto near = work.vertices_near(poor, kRings);
-    work.wake_near(near);
+    parallel_for(mesh.hexes.size(), [&](std::size_t i) { is_poor[i] = jacobian_of(mesh, HexId(i)) < goal ? 1 : 0; });
+    std::vector<HexId> poor;
+    for (std::size_t i = 0; i < is_poor.size(); ++i)
+      if (is_poor[i] != 0) poor.emplace_back(i);
+    if (poor.empty()) break;
+    work.wake_only_near(poor, kRings);
     const int exponent = kExponents[std::min<std::size_t>(static_cast<std::size_t>(round), kExponents.size() - 1)];
     std::int64_t moved_in_round = 0;
     for (int sweep = 0; sweep < kSweepsPerRound; ++sweep, ++sweeps) {
-      const std::int64_t moved =
-          work.sweep([&](VertexId v, const Star& star) { return near[v] != 0 && lift(work, v, star, exponent, goal); }, context);
+      const std::int64_t moved = work.sweep([&](VertexId v, const Star& star) { return lift(work, v, star, exponent, goal); }, context);
       moved_in_round += moved;
       if (moved == 0) break;
     }

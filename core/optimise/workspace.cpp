@@ -152,19 +152,65 @@ void Workspace::move(VertexId v, const Star& star, const Vec3& d) {
 
 // Vertices of other grains that run now are not neighbours; two of them may wake a third at once, to the same value.
 void Workspace::wake_round(VertexId v) {
-  for (const HexId h : star_.of(v)) wake(h);
+  for (const HexId h : star_.of(v))
+    for (const VertexId n : mesh_.hexes[h])
+      if (movable_[n] != 0 && (everybody_ || near_[n] != 0)) std::atomic_ref<std::uint8_t>(active_[n]).store(1, std::memory_order_relaxed);
 }
 
-void Workspace::wake(HexId h) {
-  for (const VertexId n : mesh_.hexes[h])
-    if (movable_[n] != 0) std::atomic_ref<std::uint8_t>(active_[n]).store(1, std::memory_order_relaxed);
+void Workspace::wake_all() {
+  everybody_ = true;
+  active_ = movable_;
 }
 
-void Workspace::wake_near(const IdMap<VertexId, std::uint8_t>& near) {
-  for (const VertexId v : near.ids()) active_[v] = static_cast<std::uint8_t>(near[v] & movable_[v]);
+void Workspace::wake_only_near(const std::vector<HexId>& hexes, int rings) {
+  everybody_ = false;
+  near_.assign(mesh_.position.size(), 0);
+  std::vector<VertexId> front, next;
+  const auto reach = [&](HexId h, std::vector<VertexId>& reached) {
+    for (const VertexId v : mesh_.hexes[h])
+      if (near_[v] == 0) {
+        near_[v] = 1;
+        reached.push_back(v);
+      }
+  };
+  for (const HexId h : hexes) reach(h, front);
+  for (int ring = 0; ring < rings; ++ring) {
+    next.clear();
+    for (const VertexId v : front)
+      for (const HexId h : star_.of(v)) reach(h, next);
+    front.swap(next);
+  }
+  parallel_for(near_.size(),
+               [&](std::size_t i) { active_[VertexId(i)] = static_cast<std::uint8_t>(near_[VertexId(i)] & movable_[VertexId(i)]); });
 }
-void Workspace::wake_all() { active_ = movable_; }
-void Workspace::sleep_all() { active_.assign(active_.size(), 0); }
+
+void Workspace::wake_only_near_bad(int rings) {
+  std::vector<HexId> hexes;
+  for (const HexId h : bad_.ids())
+    if (bad_[h] != 0) hexes.push_back(h);
+  wake_only_near(hexes, rings);
+}
+
+void Workspace::wake_only_near_off_ground(int rings) {
+  std::vector<HexId> hexes;
+  for (const VertexId v : foot_of_.ids())
+    if (foot_of_[v] >= 0 && !feet_[static_cast<std::size_t>(foot_of_[v])].on_ground)
+      for (const HexId h : star_.of(v)) hexes.push_back(h);
+  wake_only_near(hexes, rings - 1);
+}
+
+void Workspace::put_on_ground() {
+  parallel_for(foot_of_.size(), [&](std::size_t i) {
+    const VertexId v(i);
+    if (foot_of_[v] < 0 || feet_[static_cast<std::size_t>(foot_of_[v])].on_ground) return;
+    Foot& foot = feet_[static_cast<std::size_t>(foot_of_[v])];
+    const Foothold at = request_.ground->project(mesh_.attachment[v], mesh_.position[v], foot.hint);
+    mesh_.position[v] = at.position;
+    foot = {at.direction, at.hint, true};
+  });
+  scale_targets();
+  recount_bad();
+}
 
 std::int64_t Workspace::inverted() const {
   return parallel_reduce(bad_.size(), std::int64_t{0}, [&](std::size_t i) { return std::int64_t{bad_[HexId(i)] != 0}; }, std::plus<>());
@@ -172,29 +218,6 @@ std::int64_t Workspace::inverted() const {
 
 std::int64_t Workspace::off_ground() const {
   return std::count_if(feet_.begin(), feet_.end(), [](const Foot& f) { return !f.on_ground; });
-}
-
-std::size_t Workspace::movable_count() const {
-  return static_cast<std::size_t>(std::count(movable_.begin(), movable_.end(), std::uint8_t{1}));
-}
-
-IdMap<VertexId, std::uint8_t> Workspace::vertices_near(const IdMap<HexId, std::uint8_t>& marked, int rings) const {
-  IdMap<HexId, std::uint8_t> hexes = marked;
-  IdMap<VertexId, std::uint8_t> result(mesh_.position.size(), 0);
-  for (int ring = 0; ring <= rings; ++ring) {
-    parallel_for(mesh_.position.size(), [&](std::size_t i) {
-      const VertexId v(i);
-      if (result[v] != 0) return;
-      for (const HexId h : star_.of(v))
-        if (hexes[h] != 0) result[v] = 1;
-    });
-    if (ring == rings) break;
-    parallel_for(mesh_.hexes.size(), [&](std::size_t i) {
-      for (const VertexId v : mesh_.hexes[HexId(i)])
-        if (result[v] != 0) hexes[HexId(i)] = 1;
-    });
-  }
-  return result;
 }
 
 }  // namespace strata

@@ -31,11 +31,14 @@ class Workspace {
   // A vertex that did not move falls asleep. Returns how many moved.
   template <class Body>
   std::int64_t sweep(const Body& body, const Context& context);
-  // Everybody awake again, or only the vertices round the hexes chosen.
+  // Everybody awake again.
   void wake_all();
-  void sleep_all();
-  void wake(HexId h);
-  void wake_near(const IdMap<VertexId, std::uint8_t>& near);  // those of the vertices that may move; nobody else
+  // Only vertices within so many rings of what is named take part in the next sweep; moves wake no others.
+  void wake_only_near(const std::vector<HexId>& hexes, int rings);
+  void wake_only_near_bad(int rings);
+  void wake_only_near_off_ground(int rings);
+  // Held vertices that may move and are off their ground go there, whatever becomes of their hexes.
+  void put_on_ground();
 
   void gather(VertexId v, Star& star) const;
   // Moves v by d, keeps the record of bad corners.
@@ -52,18 +55,13 @@ class Workspace {
   [[nodiscard]] Snapshot snapshot() const { return {mesh_.position, bad_, feet_}; }
   void restore(Snapshot snapshot);
 
-  [[nodiscard]] std::int64_t inverted() const;    // hexes with a corner determinant not above Star::kFlat
+  [[nodiscard]] std::int64_t inverted() const;  // hexes with a corner determinant not above Star::kFlat
   [[nodiscard]] std::int64_t off_ground() const;  // held vertices that may move but are not on their ground yet
   [[nodiscard]] const Ground* ground() const { return request_.ground; }
   [[nodiscard]] Attachment attachment(VertexId v) const { return mesh_.attachment[v]; }
   [[nodiscard]] const Vec3& position(VertexId v) const { return mesh_.position[v]; }
   [[nodiscard]] Foot& foot(VertexId v) { return feet_[static_cast<std::size_t>(foot_of_[v])]; }
-  // Ring by ring outwards from the hexes marked.
-  [[nodiscard]] IdMap<VertexId, std::uint8_t> vertices_near(const IdMap<HexId, std::uint8_t>& marked, int rings) const;
   [[nodiscard]] const HexMesh& mesh() const { return mesh_; }
-  [[nodiscard]] std::size_t movable_count() const;
-  [[nodiscard]] IdMap<VertexId, std::uint8_t>& active() { return active_; }
-  [[nodiscard]] const IdMap<HexId, std::uint8_t>& bad() const { return bad_; }
 
  private:
   void choose(int rings, bool project);
@@ -75,10 +73,12 @@ class Workspace {
   HexMesh& mesh_;
   const OptimiseRequest& request_;
   VertexStars<HexId> star_;
-  std::vector<std::uint8_t> local_;                    // beside star_.elements: which corner of the hex the vertex is
+  std::vector<std::uint8_t> local_;  // beside star_.elements: which corner of the hex the vertex is
   IdMap<HexId, std::array<float, 3>> inverse_target_;  // scaled so that determinants of good hexes are about 1
-  IdMap<HexId, std::uint8_t> bad_;                     // bit per corner
+  IdMap<HexId, std::uint8_t> bad_;  // bit per corner
   IdMap<VertexId, std::uint8_t> movable_, active_;
+  bool everybody_ = true;  // false: only those with near_ set may be woken
+  IdMap<VertexId, std::uint8_t> near_;
   Grains grains_;
   IdMap<VertexId, std::int32_t> foot_of_;
   std::vector<Foot> feet_;
