@@ -7,6 +7,8 @@
 namespace strata {
 namespace {
 
+constexpr double kWidestCorner = 2.4;  // radians that one quad can have at a corner: beyond 137 degrees two with half of it each are better
+
 struct QuadEdge {
   VertexId a, b;
   QuadId quad;
@@ -67,7 +69,11 @@ ChartBorders chart_borders(const HexMesh& mesh, std::size_t chart_count) {
   return borders;
 }
 
-std::vector<BorderConflict> border_conflicts(const HexMesh& mesh, const ChartBorders& borders) {
+std::vector<BorderConflict> border_conflicts(const HexMesh& mesh, const ChartBorders& borders, const Features& features) {
+  const auto too_wide = [&](std::int32_t corner, ChartId chart) {
+    return corner >= 0 && static_cast<std::size_t>(corner) < features.corners.size() &&
+           features.corners[CornerId(corner)].angle_of(chart) > kWidestCorner;
+  };
   std::vector<BorderConflict> conflicts;
   for (QuadId q : mesh.quads.ids()) {
     const ChartId own = mesh.chart[q];
@@ -75,8 +81,11 @@ std::vector<BorderConflict> border_conflicts(const HexMesh& mesh, const ChartBor
     for (std::size_t i = 0; i < 4; ++i) {
       if (across[i] == own) continue;
       const std::size_t next = (i + 1) & 3, opposite = (i + 2) & 3;
-      if (across[next] != own && mesh.attachment[mesh.quads[q][next]].hold != Hold::Corner)
-        conflicts.push_back({q, own, across[i], across[next]});
+      if (across[next] != own) {
+        const Attachment between = mesh.attachment[mesh.quads[q][next]];
+        const bool wide = between.hold == Hold::Corner && too_wide(between.of, own);
+        if (between.hold != Hold::Corner || wide) conflicts.push_back({q, own, across[i], across[next], wide});
+      }
       if (i < 2 && across[opposite] != own) conflicts.push_back({q, own, across[i], across[opposite]});
     }
   }

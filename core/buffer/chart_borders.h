@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/features/features.h"
 #include "core/mesh/adjacency.h"
 #include "core/mesh/hex_mesh.h"
 
@@ -17,12 +18,14 @@ struct ChartBorders {
 };
 ChartBorders chart_borders(const HexMesh& mesh, std::size_t chart_count);
 
-// A pair of border edges of one quad that must not be: opposite ones, or neighbours that meet at a vertex that is no corner.
+// A pair of border edges of one quad that must not be: opposite ones, neighbours that meet at a vertex that is no corner, or at a corner
+// where the chart's angle is too wide for one quad.
 struct BorderConflict {
   QuadId quad;
   ChartId own;
   ChartId first, second;  // across the two edges
+  bool wide_corner = false;
 };
-std::vector<BorderConflict> border_conflicts(const HexMesh& mesh, const ChartBorders& borders);
+std::vector<BorderConflict> border_conflicts(const HexMesh& mesh, const ChartBorders& borders, const Features& features);
 
 }  // namespace strata

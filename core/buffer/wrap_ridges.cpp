@@ -41,6 +41,10 @@ struct Wish {
 // Wrapping the chart across either edge with an outer strip gives the quad's chart a fresh row there; wrapping the quad's own chart
 // with an inner strip does too, and asks nothing of the neighbours.
 std::optional<Wish> cure(const BorderConflict& conflict, const ChartBorders& borders, Ledger& ledger) {
+  // Only a fresh row of its own gives the quad's corner a second quad.
+  if (conflict.wide_corner)
+    return conflict.own.valid() && ledger.available(StripTakes::Inner, conflict.own) ? std::optional(Wish{conflict.own, StripTakes::Inner})
+                                                                                     : std::nullopt;
   const std::array<ChartId, 2> others{std::min(conflict.first, conflict.second), std::max(conflict.first, conflict.second)};
   for (ChartId c : others)
     if (c.valid() && borders.tangled[c] == 0 && ledger.available(StripTakes::Outer, c)) return Wish{c, StripTakes::Outer};
@@ -241,9 +245,9 @@ std::vector<Push> plan_pushes(const HexMesh& mesh, const Sheet& sheet, StripTake
   return pushes;
 }
 
-std::vector<Wish> gather_wishes(const HexMesh& mesh, const ChartBorders& borders, Ledger& ledger) {
+std::vector<Wish> gather_wishes(const HexMesh& mesh, const ChartBorders& borders, const Features& features, Ledger& ledger) {
   std::vector<Wish> wishes;
-  for (const BorderConflict& conflict : border_conflicts(mesh, borders))
+  for (const BorderConflict& conflict : border_conflicts(mesh, borders, features))
     if (const auto wish = cure(conflict, borders, ledger)) wishes.push_back(*wish);
   std::sort(wishes.begin(), wishes.end(),
             [](const Wish& a, const Wish& b) { return a.strip != b.strip ? a.strip == StripTakes::Outer : a.chart < b.chart; });
@@ -258,7 +262,7 @@ HexMesh wrap_ridges(HexMesh mesh, const Features& features, Context& context) {
   for (auto& map : ledger.of) map.assign(features.chart_count(), Standing::Open);
   while (true) {
     context.checkpoint();
-    const std::vector<Wish> wishes = gather_wishes(mesh, chart_borders(mesh, features.chart_count()), ledger);
+    const std::vector<Wish> wishes = gather_wishes(mesh, chart_borders(mesh, features.chart_count()), features, ledger);
     if (wishes.empty()) return mesh;
     const StripTakes strip = wishes.front().strip;
     const std::vector<ChartId> batch = choose_batch(mesh, wishes, ledger);

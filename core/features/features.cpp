@@ -105,19 +105,33 @@ bool is_corner(const Surface& surface, const FeatureGraph& graph, PointId p) {
   return turns(surface, graph, p, 1) && turns(surface, graph, p, kArm);
 }
 
+double angle_at(const std::array<Vec3, 3>& corners, std::size_t i) {
+  const Vec3 u = corners[(i + 1) % 3] - corners[i], v = corners[(i + 2) % 3] - corners[i];
+  return std::atan2(u.cross(v).norm(), u.dot(v));
+}
+
+void measure_corners(const Surface& surface, const std::vector<CornerId>& corner_at, Features& features) {
+  for (const TriangleId t : surface.triangles.ids())
+    for (std::size_t i = 0; i < 3; ++i) {
+      const CornerId c = corner_at[surface.triangles[t][i].index()];
+      if (!c.valid()) continue;
+      std::vector<ChartAngle>& charts = features.corners[c].charts;
+      auto at = std::lower_bound(charts.begin(), charts.end(), features.chart[t],
+                                 [](const ChartAngle& a, ChartId chart) { return a.chart < chart; });
+      if (at == charts.end() || at->chart != features.chart[t]) at = charts.insert(at, {features.chart[t], 0});
+      at->angle += angle_at(surface.corners(t), i);
+    }
+}
+
 void find_corners(const Surface& surface, const FeatureGraph& graph, std::vector<CornerId>& corner_at, Features& features) {
   std::vector<double> missing(surface.points.size(), 2 * std::numbers::pi);
-  for (const TriangleId t : surface.triangles.ids()) {
-    const auto x = surface.corners(t);
-    for (std::size_t i = 0; i < 3; ++i) {
-      const Vec3 u = x[(i + 1) % 3] - x[i], v = x[(i + 2) % 3] - x[i];
-      missing[surface.triangles[t][i].index()] -= std::atan2(u.cross(v).norm(), u.dot(v));
-    }
-  }
+  for (const TriangleId t : surface.triangles.ids())
+    for (std::size_t i = 0; i < 3; ++i) missing[surface.triangles[t][i].index()] -= angle_at(surface.corners(t), i);
   corner_at.assign(surface.points.size(), CornerId());
   for (const PointId p : surface.points.ids())
     if (is_corner(surface, graph, p) || (graph.valence(p) == 0 && missing[p.index()] > kTipDefect))
-      corner_at[p.index()] = features.corners.push_back({p, {}});
+      corner_at[p.index()] = features.corners.push_back({p, {}, {}});
+  measure_corners(surface, corner_at, features);
 }
 
 void measure(const FeatureGraph& graph, const std::vector<std::int32_t>& chain, Curve& curve) {

@@ -29,9 +29,20 @@ struct Curve {
   double dihedral_mean = 0, dihedral_min = 0, dihedral_max = 0;
 };
 
+struct ChartAngle {
+  ChartId chart;
+  double angle = 0;              // of the chart's triangles round the corner, radians
+};
 struct Corner {
   PointId point;
   std::vector<CurveId> curves;   // incident curves; a curve that starts and ends here is listed twice; may be empty (cone tip)
+  std::vector<ChartAngle> charts;  // round it, ascending
+  // 0 for charts that do not touch it.
+  [[nodiscard]] double angle_of(ChartId chart) const {
+    for (const ChartAngle& c : charts)
+      if (c.chart == chart) return c.angle;
+    return 0;
+  }
 };
 
 struct Features {

@@ -47,8 +47,8 @@ IdMap<ChartId, ChartId> joined_charts(const Matching& m) {
   for (CurveId c : features.curves.ids()) {
     const ChartId left = features.curves[c].left, right = features.curves[c].right;
     if (held[c] || !left.valid() || !right.valid()) continue;
-    const auto [kept, gone] = std::minmax(root(left), root(right));
-    parent[gone] = kept;
+    const ChartId a = root(left), b = root(right);
+    parent[std::max(a, b)] = std::min(a, b);
   }
   for (ChartId c : parent.ids()) parent[c] = root(c);
   return parent;

@@ -12,12 +12,16 @@ constexpr double kReach = 2.0;        // a corner's vertex is sought within so m
 constexpr double kSpareWeight = 0.15; // an edge that no route needs, against an edge length of distance
 constexpr double kMissingWeight = 1;  // a route without an edge of its own
 constexpr double kTurnWeight = 0.25;  // mean square of the angle between routes and their edges
+constexpr double kSectorWeight =
+    0.3; // square of the quads that a sector between routes has too many or too few: it wants one for 90 degrees
 
 struct End {
   double angle;
   std::int32_t route;
   std::size_t which;  // 0 starts here, 1 ends here
   Vec3 direction;
+  ChartId left, right;  // beside the curve, seen along the direction
+  double quads_after = 0;  // wanted in the sector from here to the next end, counter-clockwise; 0: not known
 };
 
 Vec3 skin_normal(const Matching& m, VertexId v) {
@@ -44,16 +48,23 @@ struct Assignment {
   std::vector<std::int32_t> choice;  // per route end: index of the edge
 };
 
-// The injective assignment of route ends to edges, both by rising angle, that keeps the cyclic order and turns least.
+// The injective assignment of route ends to edges, both by rising angle, that keeps the cyclic order, turns least and leaves each sector the
+// quads its angle wants.
 Assignment assign_in_order(const std::vector<End>& ends, const std::vector<std::pair<double, std::int32_t>>& edges) {
   const auto k = static_cast<int>(ends.size()), n = static_cast<int>(edges.size());
   Assignment best;
   std::vector<std::int32_t> chosen(ends.size(), -1);
   const auto turn = [&](int i, int e) {
     const double d = std::remainder(ends[static_cast<std::size_t>(i)].angle - edges[static_cast<std::size_t>(e)].first, 2 * M_PI);
-    return d * d;
+    return kTurnWeight * d * d / k;
+  };
+  const auto sector = [&](int i, int from, int to) {
+    const double wanted = ends[static_cast<std::size_t>(i)].quads_after;
+    const int quads = k == 1 ? n : (to - from + n) % n;
+    return wanted > 0 ? kSectorWeight * (quads - wanted) * (quads - wanted) : 0;
   };
   const auto extend = [&](auto&& self, int end, int first, int from, double cost) -> void {
+    if (end == k) cost += sector(k - 1, chosen[static_cast<std::size_t>(k - 1)], first);
     if (cost >= best.cost) return;
     if (end == k) {
       best.cost = cost;
@@ -63,7 +74,7 @@ Assignment assign_in_order(const std::vector<End>& ends, const std::vector<std::
     for (int step = from; step <= n - (k - end); ++step) {
       const int e = (first + step) % n;
       chosen[static_cast<std::size_t>(end)] = e;
-      self(self, end + 1, first, step + 1, cost + turn(end, e));
+      self(self, end + 1, first, step + 1, cost + turn(end, e) + sector(end - 1, chosen[static_cast<std::size_t>(end - 1)], e));
     }
   };
   for (int first = 0; first < n; ++first) {
@@ -79,8 +90,12 @@ class CornerMatcher {
     for (std::size_t r = 0; r < m.plan.routes.size(); ++r) {
       const Route& route = m.plan.routes[r];
       const double reach = std::min(route.size, 0.5 * route.length);
-      if (route.first.valid()) ends_[route.first].push_back({0, static_cast<std::int32_t>(r), 0, departure(route, 0, reach)});
-      if (route.last.valid()) ends_[route.last].push_back({0, static_cast<std::int32_t>(r), 1, departure(route, 1, reach)});
+      for (const std::size_t which : {0, 1}) {
+        const CornerId at = which == 0 ? route.first : route.last;
+        if (!at.valid()) continue;
+        const auto [left, right] = beside(route, which);
+        ends_[at].push_back({0, static_cast<std::int32_t>(r), which, departure(route, which, reach), left, right});
+      }
     }
   }
 
@@ -96,6 +111,29 @@ class CornerMatcher {
   }
 
  private:
+  // The charts beside the route where it leaves its corner.
+  [[nodiscard]] std::pair<ChartId, ChartId> beside(const Route& route, std::size_t which) const {
+    const Features& features = m_.ground.features();
+    const Curve& curve = features.curves[which == 0 ? route.curves.front() : route.curves.back()];
+    if (!curve.manifold) return {};
+    const Vec3& start = which == 0 ? route.points.front() : route.points.back();
+    const bool forward = (m_.ground.surface().points[curve.points.front()] - start).squaredNorm() <=
+                         (m_.ground.surface().points[curve.points.back()] - start).squaredNorm();
+    const bool along = curve.closed ? which == 0 : forward;
+    return along ? std::pair(curve.left, curve.right) : std::pair(curve.right, curve.left);
+  }
+
+  // `ends` by rising angle.
+  void want_quads(CornerId c, std::vector<End>& ends) const {
+    const Corner& corner = m_.ground.features().corners[c];
+    for (std::size_t i = 0; i < ends.size(); ++i) {
+      const ChartId after = ends[i].left, before = ends[(i + 1) % ends.size()].right;
+      if (!after.valid() || !before.valid()) continue;
+      const double angle = corner.angle_of(after) + (after == before ? 0 : corner.angle_of(before));
+      ends[i].quads_after = std::max(1.0, angle / (0.5 * M_PI));
+    }
+  }
+
   Assignment assign(CornerId c, VertexId v, std::vector<End>& ends, std::vector<std::pair<double, std::int32_t>>& edges) const {
     ends = ends_[c];
     edges.clear();
@@ -104,6 +142,7 @@ class CornerMatcher {
     for (End& e : ends) e.angle = angle(e.direction);
     std::sort(ends.begin(), ends.end(),
               [](const End& a, const End& b) { return std::tie(a.angle, a.route, a.which) < std::tie(b.angle, b.route, b.which); });
+    want_quads(c, ends);
     for (std::int32_t e : m_.skin.edges_round(v))
       edges.emplace_back(angle(m_.mesh.position[m_.skin.other_end(e, v)] - m_.mesh.position[v]), e);
     std::sort(edges.begin(), edges.end());
@@ -124,7 +163,7 @@ class CornerMatcher {
       const auto spare = static_cast<int>(m_.skin.edges_round(v).size()) - static_cast<int>(ends_[c].size());
       double cost = d + (spare < 0 ? kMissingWeight * -spare : kSpareWeight * std::min(spare, 3));
       if (cost >= best_cost) continue;
-      if (spare >= 0 && !ends_[c].empty()) cost += kTurnWeight * assign(c, v, ends, edges).cost / static_cast<double>(ends_[c].size());
+      if (spare >= 0 && !ends_[c].empty()) cost += assign(c, v, ends, edges).cost;
       if (cost >= best_cost) continue;
       best_cost = cost;
       m_.corner_vertex[c] = v;
