@@ -15,11 +15,32 @@ namespace {
 
 using grpc::CallbackServerContext;
 
+// What other tenants have does not exist for a caller.
+BlobInfo blob_of(const Caller& caller, const BlobStore& blobs, const std::string& id) {
+  const auto blob = is_id(id) ? blobs.find(id) : std::nullopt;
+  if (!blob || !sees_blob(caller, *blob)) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no such blob").at("blob_id");
+  return *blob;
+}
+
+UploadInfo upload_of(const Caller& caller, const BlobStore& blobs, const std::string& id) {
+  const auto upload = is_id(id) ? blobs.find_upload(id) : std::nullopt;
+  if (!upload || (caller.role != Role::Admin && upload->owner != owner_key(caller.tenant)))
+    throw Refusal(Refused::NotFound, "UPLOAD_NOT_FOUND", "there is no such upload").at("upload_id");
+  return *upload;
+}
+
+// A call that ends before it began.
+class RefusedWrite final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
+ public:
+  explicit RefusedWrite(const grpc::Status& status) { Finish(status); }
+  void OnDone() override { delete this; }
+};
+
 // Takes one frame at a time; the next is read when this one is written.
 class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
  public:
-  WriteCall(BlobStore& blobs, const WireLimits& limits, v1::WriteBlobResponse* response)
-      : blobs_(blobs), limits_(limits), response_(response) {
+  WriteCall(const Caller& caller, BlobStore& blobs, const WireLimits& limits, v1::WriteBlobResponse* response)
+      : caller_(caller), blobs_(blobs), limits_(limits), response_(response) {
     StartRead(&request_);
   }
 
@@ -34,7 +55,10 @@ class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
 
  private:
   void take() {
-    if (upload_id_.empty()) upload_id_ = request_.upload_id();
+    if (upload_id_.empty()) {
+      upload_id_ = request_.upload_id();
+      static_cast<void>(upload_of(caller_, blobs_, upload_id_));
+    }
     if (!request_.has_frame()) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "frame: is missing").at("frame");
     check_frame(request_.frame(), limits_);
     blobs_.write_upload(upload_id_, request_.frame().offset(), request_.frame().data());
@@ -51,6 +75,7 @@ class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
     if (blobs_.find_upload(upload_id_)) static_cast<void>(status_of([&] { blobs_.commit_upload(upload_id_); }));
   }
 
+  const Caller caller_;
   BlobStore& blobs_;
   const WireLimits& limits_;
   v1::WriteBlobResponse* response_;
@@ -61,8 +86,9 @@ class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
 // One outstanding write: gRPC's flow control holds the disk reads back.
 class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
  public:
-  ReadCall(const BlobStore& blobs, const v1::ReadBlobRequest& request) {
-    const grpc::Status status = status_of([&] { open(blobs, request); });
+  ReadCall(Gate& gate, const CallbackServerContext& context, const BlobStore& blobs, const v1::ReadBlobRequest& request) {
+    const grpc::Status status =
+        status_of([&] { open(blobs, blob_of(gate.admit(credentials_of(context), Role::Viewer, CallKind::Plain), blobs, request.blob_id()), request); });
     if (status.ok()) StartWrite(&response_);
     else Finish(status);
   }
@@ -81,16 +107,14 @@ class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
   void OnDone() override { delete this; }
 
  private:
-  void open(const BlobStore& blobs, const v1::ReadBlobRequest& request) {
-    const auto blob = is_id(request.blob_id()) ? blobs.find(request.blob_id()) : std::nullopt;
-    if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no such blob").at("blob_id");
-    if (request.offset() < 0 || request.offset() > blob->size)
-      throw Refusal(Refused::OutOfRange, "OFFSET_OUT_OF_RANGE", "offset must be 0 to " + std::to_string(blob->size)).at("offset");
+  void open(const BlobStore& blobs, const BlobInfo& blob, const v1::ReadBlobRequest& request) {
+    if (request.offset() < 0 || request.offset() > blob.size)
+      throw Refusal(Refused::OutOfRange, "OFFSET_OUT_OF_RANGE", "offset must be 0 to " + std::to_string(blob.size)).at("offset");
     if (request.limit() < 0) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "limit must not be negative").at("limit");
-    reader_ = blobs.open(blob->id);
+    reader_ = blobs.open(blob.id);
     at_ = request.offset();
-    end_ = request.limit() == 0 ? blob->size : at_ + std::min(request.limit(), blob->size - at_);
-    *response_.mutable_blob() = to_wire(*blob);
+    end_ = request.limit() == 0 ? blob.size : at_ + std::min(request.limit(), blob.size - at_);
+    *response_.mutable_blob() = to_wire(blob);
   }
 
   std::unique_ptr<BlobReader> reader_;
@@ -101,63 +125,68 @@ class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
 
 class BlobService final : public v1::BlobService::CallbackService {
  public:
-  BlobService(BlobStore& blobs, const WireLimits& limits) : blobs_(blobs), limits_(limits) {}
+  BlobService(Gate& gate, BlobStore& blobs, const WireLimits& limits) : gate_(gate), blobs_(blobs), limits_(limits) {}
 
   grpc::ServerUnaryReactor* StartUpload(CallbackServerContext* context, const v1::StartUploadRequest* request,
                                         v1::StartUploadResponse* response) override {
-    return answer(context, [&] {
+    return answer(context, Role::Submitter, [&](const Caller& caller) {
       check_upload(request->size_bytes(), request->sha256(), limits_);
-      const auto known = request->sha256().empty() ? std::nullopt : blobs_.find_digest(request->sha256());
-      if (known && known->size == request->size_bytes()) *response->mutable_blob() = to_wire(*known);
-      else response->set_upload_id(blobs_.start_upload(request->size_bytes(), request->sha256()).id);
+      const std::string owner = owner_key(caller.tenant);
+      const auto known = request->sha256().empty() ? std::nullopt : blobs_.find_digest(request->sha256(), owner);
+      if (known && known->size == request->size_bytes()) {
+        blobs_.touch(known->id);
+        *response->mutable_blob() = to_wire(*known);
+      } else {
+        response->set_upload_id(blobs_.start_upload(request->size_bytes(), request->sha256(), owner).id);
+      }
     });
   }
 
-  grpc::ServerReadReactor<v1::WriteBlobRequest>* WriteBlob(CallbackServerContext*, v1::WriteBlobResponse* response) override {
-    return new WriteCall(blobs_, limits_, response);
+  grpc::ServerReadReactor<v1::WriteBlobRequest>* WriteBlob(CallbackServerContext* context, v1::WriteBlobResponse* response) override {
+    Caller caller;
+    const grpc::Status status = status_of([&] { caller = gate_.admit(credentials_of(*context), Role::Submitter, CallKind::Plain); });
+    if (!status.ok()) return new RefusedWrite(status);
+    return new WriteCall(caller, blobs_, limits_, response);
   }
 
   grpc::ServerUnaryReactor* GetUpload(CallbackServerContext* context, const v1::GetUploadRequest* request,
                                       v1::GetUploadResponse* response) override {
-    return answer(context, [&] {
-      const auto upload = is_id(request->upload_id()) ? blobs_.find_upload(request->upload_id()) : std::nullopt;
-      if (!upload) throw Refusal(Refused::NotFound, "UPLOAD_NOT_FOUND", "there is no such upload").at("upload_id");
-      response->set_upload_id(upload->id);
-      response->set_size_bytes(upload->size);
-      response->set_committed_offset(upload->committed);
-      if (upload->blob) *response->mutable_blob() = to_wire(*upload->blob);
+    return answer(context, Role::Submitter, [&](const Caller& caller) {
+      const UploadInfo upload = upload_of(caller, blobs_, request->upload_id());
+      response->set_upload_id(upload.id);
+      response->set_size_bytes(upload.size);
+      response->set_committed_offset(upload.committed);
+      if (upload.blob) *response->mutable_blob() = to_wire(*upload.blob);
     });
   }
 
-  grpc::ServerWriteReactor<v1::ReadBlobResponse>* ReadBlob(CallbackServerContext*, const v1::ReadBlobRequest* request) override {
-    return new ReadCall(blobs_, *request);
+  grpc::ServerWriteReactor<v1::ReadBlobResponse>* ReadBlob(CallbackServerContext* context, const v1::ReadBlobRequest* request) override {
+    return new ReadCall(gate_, *context, blobs_, *request);
   }
 
   grpc::ServerUnaryReactor* GetBlob(CallbackServerContext* context, const v1::GetBlobRequest* request,
                                     v1::GetBlobResponse* response) override {
-    return answer(context, [&] {
-      const auto blob = is_id(request->blob_id()) ? blobs_.find(request->blob_id()) : std::nullopt;
-      if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no such blob").at("blob_id");
-      *response->mutable_blob() = to_wire(*blob);
-    });
+    return answer(context, Role::Viewer,
+                  [&](const Caller& caller) { *response->mutable_blob() = to_wire(blob_of(caller, blobs_, request->blob_id())); });
   }
 
  private:
   template <class Body>
-  static grpc::ServerUnaryReactor* answer(CallbackServerContext* context, const Body& body) {
+  grpc::ServerUnaryReactor* answer(CallbackServerContext* context, Role needed, const Body& body) {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    reactor->Finish(status_of(body));
+    reactor->Finish(status_of([&] { body(gate_.admit(credentials_of(*context), needed, CallKind::Plain)); }));
     return reactor;
   }
 
+  Gate& gate_;
   BlobStore& blobs_;
   const WireLimits limits_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> make_blob_service(BlobStore& blobs, const WireLimits& limits) {
-  return std::make_unique<BlobService>(blobs, limits);
+std::unique_ptr<grpc::Service> make_blob_service(Gate& gate, BlobStore& blobs, const WireLimits& limits) {
+  return std::make_unique<BlobService>(gate, blobs, limits);
 }
 
 }  // namespace strata::server

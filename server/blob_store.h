@@ -1,6 +1,7 @@
 // Where surfaces and meshes lie. Blobs are written once, complete, and then only read and removed.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -10,19 +11,26 @@
 #include <string_view>
 #include <vector>
 
+#include "server/caller.h"
+
 namespace strata::server {
 
 struct BlobInfo {
   std::string id;
   std::int64_t size = 0;
   std::string sha256;  // 32 bytes
+  std::string owner;   // owner_key of a tenant
 };
+
+// How the store knows a tenant: empty for the nameless one, else 16 characters of 0-9 and a-f, whatever the name.
+std::string owner_key(std::string_view tenant);
 
 struct UploadInfo {
   std::string id;
   std::int64_t size = 0;
   std::int64_t committed = 0;     // durable
   std::optional<BlobInfo> blob;   // once complete
+  std::string owner;
 };
 
 // A blob that is open: it stays readable even when removed meanwhile.
@@ -47,13 +55,19 @@ class BlobStore {
  public:
   virtual ~BlobStore() = default;
 
-  virtual std::unique_ptr<BlobWriter> create() = 0;
+  virtual std::unique_ptr<BlobWriter> create(const std::string& owner) = 0;
   virtual std::optional<BlobInfo> find(const std::string& id) const = 0;
-  virtual std::optional<BlobInfo> find_digest(const std::string& sha256) const = 0;
+  virtual std::optional<BlobInfo> find_digest(const std::string& sha256, const std::string& owner) const = 0;
   // Throws Refusal NOT_FOUND.
   virtual std::unique_ptr<BlobReader> open(const std::string& id) const = 0;
   // No error when it is not there.
   virtual void remove(const std::string& id) = 0;
+  // Somebody has a use for it: it is not idle.
+  virtual void touch(const std::string& id) = 0;
+  // Blobs that nobody made or touched since.
+  virtual std::vector<std::string> idle_since(std::chrono::system_clock::time_point when) const = 0;
+  // Uploads that got no frame since are forgotten.
+  virtual void drop_uploads_idle_since(std::chrono::system_clock::time_point when) = 0;
 
   // For writers in other processes. A path under which this process and its children can read the blob; throws as open().
   virtual std::string local_path(const std::string& id) const = 0;
@@ -64,8 +78,11 @@ class BlobStore {
   // Removes the folder and what was not adopted.
   virtual void unstage(const std::string& folder) = 0;
 
+  // On the device.
+  virtual std::int64_t free_bytes() const = 0;
+
   // Uploads in pieces. `sha256` may be empty: then nothing is compared.
-  virtual UploadInfo start_upload(std::int64_t size, const std::string& sha256) = 0;
+  virtual UploadInfo start_upload(std::int64_t size, const std::string& sha256, const std::string& owner) = 0;
   virtual std::optional<UploadInfo> find_upload(const std::string& id) const = 0;
   // Appends at `offset`, which must be the end of what was written. Throws Refusal: NOT_FOUND, OUT_OF_RANGE (wrong offset or beyond the
   // size). The last byte completes the upload; DATA_LOSS when the digest disagrees, and the upload is empty again.
@@ -74,10 +91,13 @@ class BlobStore {
   virtual UploadInfo commit_upload(const std::string& id) = 0;
 };
 
+// Blobs of other tenants do not exist for a caller.
+bool sees_blob(const Caller& caller, const BlobInfo& blob);
+
 // The whole blob in memory.
 std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob);
 
-// Files under `folder`: blobs/ID-DIGEST, uploads/ID-SIZE-DIGEST, temporary/. Written to a temporary file, synced, renamed, folder synced.
+// Files under `folder`: blobs/ID-DIGEST[-OWNER], uploads/ID-SIZE-DIGEST[-OWNER], temporary/. Written to a temporary file, synced, renamed, folder synced.
 // Makes the folders; removes leftovers of earlier runs from temporary/.
 std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder);
 

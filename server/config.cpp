@@ -18,6 +18,10 @@
 namespace strata::server {
 namespace {
 
+const std::map<std::string, double> kTimeUnits{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}};
+constexpr double kDefaultResultTtl = 7 * 86400;
+constexpr std::int64_t kDefaultDiskReserve = std::int64_t{512} << 20;
+constexpr int kMaxStartsInThreads = 10;  // a job that ends the server each time must not be started for ever
 constexpr double kDefaultTimeLimit = 86400;  // seconds: a loop without end must end
 
 using Settings = std::vector<std::pair<std::string, std::vector<std::string>>>;
@@ -108,6 +112,17 @@ void add_flags(CLI::App& app, Config& config) {
   env(app.add_option("--tls-key", config.server.tls.key, "Private key, PEM"), "STRATAD_TLS_KEY");
   env(app.add_option("--tls-client-ca", config.server.tls.client_ca, "Clients must show a certificate signed by this CA, PEM"),
       "STRATAD_TLS_CLIENT_CA");
+  env(app.add_option("--auth", config.auth_file, "File that says who may do what (YAML, docs/deploy.md); empty: everybody everything"),
+      "STRATAD_AUTH");
+  env(app.add_option("--result-ttl", config.desk.result_ttl_seconds, "How long ended jobs and their results stay, such as 7d; 0: until deleted")
+          ->transform(CLI::AsNumberWithUnit(kTimeUnits, CLI::AsNumberWithUnit::CASE_SENSITIVE, "DURATION")),
+      "STRATAD_RESULT_TTL");
+  env(app.add_option("--surface-ttl", config.desk.surface_ttl_seconds, "How long surfaces stay that no job uses; 0: for ever")
+          ->transform(CLI::AsNumberWithUnit(kTimeUnits, CLI::AsNumberWithUnit::CASE_SENSITIVE, "DURATION")),
+      "STRATAD_SURFACE_TTL");
+  env(app.add_option("--disk-reserve", config.desk.disk_reserve_bytes, "No new jobs when less disk is free")
+          ->transform(CLI::AsSizeValue(false)),
+      "STRATAD_DISK_RESERVE");
   app.add_flag("--insecure", config.server.insecure, "Allow addresses beyond loopback without TLS")->envname("STRATAD_INSECURE");
   env(app.add_option("--metrics-listen", config.metrics_listen, "host:port for Prometheus; empty: none"), "STRATAD_METRICS_LISTEN");
   env(app.add_option("--log-level", config.log_level, "What to log")
@@ -156,6 +171,8 @@ int usable_cores() {
 ParsedConfig parse_config(int argc, const char* const* argv) {
   Config config;
   config.desk.time_limit_seconds = kDefaultTimeLimit;
+  config.desk.result_ttl_seconds = kDefaultResultTtl;
+  config.desk.disk_reserve_bytes = kDefaultDiskReserve;
   CLI::App app{"stratad: meshes surfaces with hexahedra and boundary layers, over gRPC", "stratad"};
   add_flags(app, config);
   try {
@@ -167,6 +184,8 @@ ParsedConfig parse_config(int argc, const char* const* argv) {
   if (config.memory_bytes == 0) config.memory_bytes = usable_memory();
   config.desk.threads_per_job = std::max(1, config.threads / config.slots);
   config.desk.generator = STRATA_VERSION;
+  config.desk.memory_budget_bytes = config.memory_bytes;
+  if (config.isolation == Isolation::Thread) config.desk.max_starts = kMaxStartsInThreads;
   return {config, 0};
 }
 

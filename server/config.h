@@ -21,6 +21,7 @@ struct Config {
   ServerOptions server;
   DeskOptions desk;
   std::string data_folder = "strata-data";
+  std::string auth_file;               // who may do what; empty: everybody everything
   int slots = 1;                       // jobs at once
   int threads = 0;                     // of all jobs together; 0: the cores this process may use
   double drain_timeout_seconds = 300;  // for running jobs after SIGTERM

@@ -60,8 +60,8 @@ class FileBlobStore final : public BlobStore {
     for (const auto& entry : fs::directory_iterator(uploads_)) remember_upload(entry);
   }
 
-  std::unique_ptr<BlobWriter> create() override;
-  BlobInfo publish(const std::string& path, std::int64_t size, const std::string& sha256, const std::string& id);
+  std::unique_ptr<BlobWriter> create(const std::string& owner) override;
+  void publish(const std::string& path, const BlobInfo& blob);
 
   std::optional<BlobInfo> find(const std::string& id) const override {
     const std::lock_guard lock(mutex_);
@@ -69,11 +69,40 @@ class FileBlobStore final : public BlobStore {
     return found == known_.end() ? std::nullopt : std::optional(found->second);
   }
 
-  std::optional<BlobInfo> find_digest(const std::string& sha256) const override {
+  std::optional<BlobInfo> find_digest(const std::string& sha256, const std::string& owner) const override {
     const std::lock_guard lock(mutex_);
-    const auto found = by_digest_.lower_bound({sha256, ""});
-    if (found == by_digest_.end() || found->first.first != sha256) return {};
-    return known_.at(found->first.second);
+    for (auto at = by_digest_.lower_bound({sha256, ""}); at != by_digest_.end() && at->first.first == sha256; ++at)
+      if (const BlobInfo& blob = known_.at(at->first.second); blob.owner == owner) return blob;
+    return {};
+  }
+
+  void touch(const std::string& id) override {
+    const auto blob = find(id);
+    if (blob) ::utimensat(AT_FDCWD, path_of(*blob).c_str(), nullptr, 0);
+  }
+
+  std::vector<std::string> idle_since(std::chrono::system_clock::time_point when) const override {
+    std::vector<BlobInfo> all;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const auto& [id, blob] : known_) all.push_back(blob);
+    }
+    std::vector<std::string> idle;
+    for (const BlobInfo& blob : all)
+      if (last_change(path_of(blob)) < when) idle.push_back(blob.id);
+    return idle;
+  }
+
+  void drop_uploads_idle_since(std::chrono::system_clock::time_point when) override {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(known_uploads_, [&](const auto& entry) {
+      Upload& upload = *entry.second;
+      const std::lock_guard upload_lock(upload.mutex);
+      if (upload.info.blob) return upload.completed < when;
+      if (last_change(upload.path) >= when) return false;
+      ::unlink(upload.path.c_str());
+      return true;
+    });
   }
 
   std::unique_ptr<BlobReader> open(const std::string& id) const override {
@@ -105,19 +134,26 @@ class FileBlobStore final : public BlobStore {
     return folder;
   }
 
-  void adopt(const std::string& folder, const BlobInfo& blob) override { publish(folder + "/" + blob.id, blob.size, blob.sha256, blob.id); }
+  void adopt(const std::string& folder, const BlobInfo& blob) override { publish(folder + "/" + blob.id, blob); }
 
   void unstage(const std::string& folder) override {
     std::error_code ignored;  // what stays is removed at the next start
     fs::remove_all(folder, ignored);
   }
 
-  UploadInfo start_upload(std::int64_t size, const std::string& sha256) override {
+  std::int64_t free_bytes() const override {
+    std::error_code error;
+    const auto space = fs::space(blobs_, error);
+    return error ? 0 : static_cast<std::int64_t>(space.available);
+  }
+
+  UploadInfo start_upload(std::int64_t size, const std::string& sha256, const std::string& owner) override {
     auto upload = std::make_shared<Upload>();
     upload->info.id = random_id();
     upload->info.size = size;
+    upload->info.owner = owner;
     upload->expected = sha256;
-    upload->path = uploads_ + "/" + upload->info.id + "-" + std::to_string(size) + "-" + hex(sha256);
+    upload->path = uploads_ + "/" + upload->info.id + "-" + std::to_string(size) + "-" + hex(sha256) + suffix(owner);
     upload->file = std::make_unique<File>(upload->path, O_RDWR | O_CREAT | O_EXCL);
     sync_folder(uploads_);
     const std::lock_guard lock(mutex_);
@@ -173,11 +209,20 @@ class FileBlobStore final : public BlobStore {
     std::int64_t written = 0;
     std::int64_t hashed = 0;
     wire::Sha256 sha;
+    std::chrono::system_clock::time_point completed;
   };
 
   static std::string shown(const std::string& id) { return is_id(id) ? id : "with such a name"; }
 
-  std::string path_of(const BlobInfo& blob) const { return blobs_ + "/" + blob.id + "-" + hex(blob.sha256); }
+  static std::string suffix(const std::string& owner) { return owner.empty() ? "" : "-" + owner; }
+  std::string path_of(const BlobInfo& blob) const { return blobs_ + "/" + blob.id + "-" + hex(blob.sha256) + suffix(blob.owner); }
+
+  // Of a file that is gone: long ago.
+  static std::chrono::system_clock::time_point last_change(const std::string& path) {
+    struct stat status {};
+    if (::stat(path.c_str(), &status) != 0) return {};
+    return std::chrono::system_clock::from_time_t(status.st_mtime);
+  }
 
   std::shared_ptr<Upload> upload_of(const std::string& id) const {
     const std::lock_guard lock(mutex_);
@@ -208,29 +253,39 @@ class FileBlobStore final : public BlobStore {
       throw Refusal(Refused::DataLoss, "DIGEST_MISMATCH", "the bytes that came have another SHA-256 than announced: send them again")
           .at("sha256");
     }
-    upload.info.blob = publish(upload.path, upload.info.size, digest, random_id());
+    const BlobInfo blob{random_id(), upload.info.size, digest, upload.info.owner};
+    publish(upload.path, blob);
+    upload.info.blob = blob;
+    upload.completed = std::chrono::system_clock::now();
     upload.info.committed = upload.info.size;
     upload.file.reset();
   }
 
+  static std::vector<std::string> parts_of(const std::string& name) {
+    std::vector<std::string> parts(1);
+    for (const char c : name) {
+      if (c == '-') parts.emplace_back();
+      else parts.back() += c;
+    }
+    return parts;
+  }
+
   void remember_blob(const fs::directory_entry& entry) {
-    const std::string name = entry.path().filename();
-    const std::size_t dash = name.find('-');
-    if (dash == std::string::npos || name.size() != dash + 65 || !is_id(name.substr(0, dash))) return;
-    const BlobInfo blob{name.substr(0, dash), static_cast<std::int64_t>(entry.file_size()), unhex(name.substr(dash + 1))};
+    const std::vector<std::string> parts = parts_of(entry.path().filename());
+    if (parts.size() < 2 || parts.size() > 3 || !is_id(parts[0]) || parts[1].size() != 64) return;
+    const BlobInfo blob{parts[0], static_cast<std::int64_t>(entry.file_size()), unhex(parts[1]), parts.size() == 3 ? parts[2] : ""};
     known_[blob.id] = blob;
     by_digest_[{blob.sha256, blob.id}] = true;
   }
 
   void remember_upload(const fs::directory_entry& entry) {
-    const std::string name = entry.path().filename();
-    const std::size_t first = name.find('-');
-    const std::size_t second = name.find('-', first + 1);
-    if (first == std::string::npos || second == std::string::npos || !is_id(name.substr(0, first))) return;
+    const std::vector<std::string> parts = parts_of(entry.path().filename());
+    if (parts.size() < 3 || parts.size() > 4 || !is_id(parts[0])) return;
     auto upload = std::make_shared<Upload>();
-    upload->info.id = name.substr(0, first);
-    upload->info.size = std::strtoll(name.c_str() + first + 1, nullptr, 10);
-    upload->expected = unhex(name.substr(second + 1));
+    upload->info.id = parts[0];
+    upload->info.size = std::strtoll(parts[1].c_str(), nullptr, 10);
+    upload->expected = unhex(parts[2]);
+    upload->info.owner = parts.size() == 4 ? parts[3] : "";
     upload->path = entry.path();
     upload->file = std::make_unique<File>(upload->path, O_RDWR);
     upload->written = upload->info.committed = std::min(static_cast<std::int64_t>(entry.file_size()), upload->info.size);
@@ -245,18 +300,19 @@ class FileBlobStore final : public BlobStore {
   std::map<std::string, std::shared_ptr<Upload>> known_uploads_;
 };
 
-std::unique_ptr<BlobWriter> FileBlobStore::create() {
-  return write_file(temporary_, [this](const std::string& path, const BlobInfo& blob) { publish(path, blob.size, blob.sha256, blob.id); });
+std::unique_ptr<BlobWriter> FileBlobStore::create(const std::string& owner) {
+  return write_file(temporary_, [this, owner](const std::string& path, BlobInfo blob) {
+    blob.owner = owner;
+    publish(path, blob);
+  });
 }
 
-BlobInfo FileBlobStore::publish(const std::string& path, std::int64_t size, const std::string& sha256, const std::string& id) {
-  BlobInfo blob{id, size, sha256};
+void FileBlobStore::publish(const std::string& path, const BlobInfo& blob) {
   if (::rename(path.c_str(), path_of(blob).c_str()) != 0) device_failed("cannot publish a blob");
   sync_folder(blobs_);
   const std::lock_guard lock(mutex_);
   known_[blob.id] = blob;
   by_digest_[{blob.sha256, blob.id}] = true;
-  return blob;
 }
 
 }  // namespace
@@ -266,6 +322,17 @@ std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob) {
   if (store.open(blob.id)->read(0, bytes) != bytes.size())
     throw Refusal(Refused::DataLoss, "BLOB_TRUNCATED", "blob " + blob.id + " is shorter than when it was stored");
   return bytes;
+}
+
+bool sees_blob(const Caller& caller, const BlobInfo& blob) {
+  return caller.role == Role::Admin || blob.owner == owner_key(caller.tenant);
+}
+
+std::string owner_key(std::string_view tenant) {
+  if (tenant.empty()) return {};
+  wire::Sha256 sha;
+  sha.add(tenant);
+  return hex(sha.finish()).substr(0, 16);
 }
 
 std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder) { return std::make_unique<FileBlobStore>(folder); }

@@ -1,78 +1,31 @@
 #include "server/job_desk.h"
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <google/protobuf/util/time_util.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <set>
+#include <cmath>
 #include <utility>
 
-#include "proto/wire/sha256.h"
-#include "server/convert.h"
 #include "server/ids.h"
 #include "server/refusal.h"
-#include "server/spec_json.h"
 
 namespace strata::server {
 namespace {
 
 constexpr std::chrono::milliseconds kTick{100};
-constexpr std::size_t kMaxRequestId = 128;
-constexpr std::size_t kMaxDisplayName = 256;
-constexpr int kMaxLabels = 32;
-constexpr std::size_t kMaxLabel = 128;
 constexpr int kDefaultPage = 100;
 constexpr int kMaxPage = 1000;
-constexpr double kRetrySeconds = 5;  // until a slot is likely free, when nothing better is known
+constexpr double kRetrySeconds = 5;             // when nothing better is known
+constexpr double kLearning = 0.2;               // share of the newest job in what is typical
+constexpr std::int64_t kSequenceGap = 1'000'000;  // numbers that a run lost by a crash may have given to events nobody saved
 
 google::protobuf::Timestamp now() { return google::protobuf::util::TimeUtil::GetCurrentTime(); }
 
-Refusal invalid(const std::string& field, const std::string& message) {
-  return Refusal(Refused::InvalidArgument, "REQUEST_INVALID", field + ": " + message).at(field);
-}
+double steady_seconds(std::chrono::steady_clock::time_point at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
 
 Refusal no_job(const std::string& job_id) {
   return Refusal(Refused::NotFound, "JOB_NOT_FOUND", is_id(job_id) ? "there is no job " + job_id : "there is no such job").at("job_id");
-}
-
-bool is_final(v1::JobState state) {
-  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED || state == v1::JOB_STATE_CANCELLED;
-}
-
-// Equal requests have equal fingerprints, whether the surface came inline or as a blob.
-std::string fingerprint_of(const v1::CreateJobRequest& request) {
-  std::string bytes;
-  {
-    google::protobuf::io::StringOutputStream stream(&bytes);
-    google::protobuf::io::CodedOutputStream coded(&stream);
-    coded.SetSerializationDeterministic(true);
-    request.SerializeToCodedStream(&coded);
-  }
-  wire::Sha256 sha;
-  sha.add(bytes);
-  return sha.finish();
-}
-
-void check_labels(const v1::CreateJobRequest& request) {
-  if (request.request_id().size() > kMaxRequestId) throw invalid("request_id", "is longer than 128 characters");
-  if (request.display_name().size() > kMaxDisplayName) throw invalid("display_name", "is longer than 256 characters");
-  if (static_cast<int>(request.labels_size()) > kMaxLabels) throw invalid("labels", "are more than 32");
-  for (const auto& [key, value] : request.labels())
-    if (key.empty() || key.size() > kMaxLabel || value.size() > kMaxLabel)
-      throw invalid("labels", "keys and values have 1 to 128 characters");
-}
-
-void check_outputs(v1::CreateJobRequest& request) {
-  if (request.outputs().empty()) request.add_outputs(v1::OUTPUT_FORMAT_BLOCKS);
-  std::set<int> seen;
-  for (int i = 0; i < request.outputs_size(); ++i) {
-    const std::string field = "outputs[" + std::to_string(i) + "]";
-    const int format = request.outputs(i);
-    if (format == v1::OUTPUT_FORMAT_UNSPECIFIED || !v1::OutputFormat_IsValid(format)) throw invalid(field, "is not a known format");
-    if (!seen.insert(format).second) throw invalid(field, "is asked for twice");
-  }
 }
 
 v1::JobError error_of(int code, const std::string& reason, const std::string& message) {
@@ -86,10 +39,21 @@ v1::JobError error_of(int code, const std::string& reason, const std::string& me
   return error;
 }
 
+v1::Job ended_badly(v1::JobState state, v1::JobError error) {
+  v1::Job job;
+  job.set_state(state);
+  *job.mutable_error() = std::move(error);
+  return job;
+}
+
 }  // namespace
 
 JobDesk::JobDesk(JobStore& jobs, BlobStore& blobs, JobRunner& runner, MesherDoor mesher, DeskOptions options)
-    : jobs_(jobs), blobs_(blobs), runner_(runner), mesher_(std::move(mesher)), options_(std::move(options)) {
+    : jobs_(jobs),
+      blobs_(blobs),
+      runner_(runner),
+      options_(std::move(options)),
+      admission_(blobs, std::move(mesher), options_.max_inline_surface_bytes) {
   resume_stored_jobs();
   ticker_ = std::jthread([this](const std::stop_token& stop) {
     while (!stop.stop_requested()) {
@@ -111,155 +75,185 @@ JobDesk::~JobDesk() {
 
 // ---- admission
 
-template <class Request>
-v1::MeshSpec JobDesk::checked_spec(const Request& request) const {
-  v1::MeshSpec wire = request.has_spec_json() ? parse_spec(request.spec_json()) : request.spec();
-  const MeshSpec spec = from_wire(wire);
-  for (Diagnostic& finding : mesher_.check_spec(spec, {})) {
-    // Which patches there are is known when the surface has been read.
-    if (finding.severity != Severity::Error || finding.reason == Reason::PatchUnknown) continue;
-    throw MeshError(Failure::InvalidInput, std::move(finding));
-  }
-  return to_wire(spec);
-}
-template v1::MeshSpec JobDesk::checked_spec(const v1::CreateJobRequest&) const;
-template v1::MeshSpec JobDesk::checked_spec(const v1::ValidateJobRequest&) const;
-
-void JobDesk::check_surface(const v1::Surface& surface) const {
-  check_wire_surface(surface);
-  switch (surface.source_case()) {
-    case v1::Surface::SOURCE_NOT_SET: throw invalid("surface", "needs a blob_id or data");
-    case v1::Surface::kData:
-      if (static_cast<std::int64_t>(surface.data().size()) > options_.max_inline_surface_bytes)
-        throw invalid("surface.data", "is larger than " + std::to_string(options_.max_inline_surface_bytes) + " bytes: upload it");
-      return;
-    case v1::Surface::kBlobId:
-      if (!is_id(surface.blob_id()) || !blobs_.find(surface.blob_id()))
-        throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "surface.blob_id: there is no such blob").at("surface.blob_id");
-  }
+// The order in which load is shed: going down, queue full, tenant's share full, disk full. Reading and cancelling are never refused.
+void JobDesk::check_room(const Lock&, const std::string& tenant) const {
+  const auto full = [this](const char* reason, const std::string& message) {
+    return Refusal(Refused::ResourceExhausted, reason, message).retry_after(seconds_until_room());
+  };
+  const auto waiting = static_cast<int>(queue_.size());
+  if (waiting + arriving_ >= options_.queue_capacity) throw full("QUEUE_FULL", std::to_string(waiting) + " jobs are waiting already");
+  const TenantLimits limits = options_.limits_of(tenant);
+  if (limits.queued > 0 && static_cast<int>(queue_.size_of(tenant)) >= limits.queued)
+    throw full("TENANT_QUOTA", "this tenant may have " + std::to_string(limits.queued) + " jobs waiting");
+  if (limits.bytes > 0 && jobs_.usage(tenant).bytes >= limits.bytes)
+    throw full("TENANT_QUOTA", "the results of this tenant take the " + std::to_string(limits.bytes) + " bytes it may have: delete some");
+  if (options_.disk_reserve_bytes > 0 && blobs_.free_bytes() < options_.disk_reserve_bytes)
+    throw full("STORAGE_FULL", "the server is short of disk space");
 }
 
-void JobDesk::check_request(v1::CreateJobRequest& request) const {
-  if (draining_) throw Refusal(Refused::Unavailable, "DRAINING", "the server is shutting down").retry_after(kRetrySeconds);
-  check_labels(request);
-  check_outputs(request);
-  check_surface(request.surface());
-  if (request.max_threads() < 0) throw invalid("max_threads", "must not be negative");
-  if (!(request.time_limit_seconds() >= 0)) throw invalid("time_limit_seconds", "must not be negative");
-  v1::MeshSpec spec = checked_spec(request);
-  *request.mutable_spec() = std::move(spec);
+// Guessed from the jobs of late, and spread a little, so that not everybody comes back at once.
+double JobDesk::seconds_until_room() const {
+  const double a_slot = typical_wall_ / std::max(1, runner_.slots());
+  const double spread = 0.2 * static_cast<double>(std::hash<std::int64_t>{}(Clock::now().time_since_epoch().count()) % 1000) / 1000;
+  return std::clamp(a_slot, 1.0, 60.0) * (1 + spread);
 }
 
-std::optional<JobDesk::Created> JobDesk::known_request(const std::string& request_id, const std::string& fingerprint) const {
+std::optional<JobDesk::Created> JobDesk::known_request(const std::string& tenant, const std::string& request_id,
+                                                       const std::string& fingerprint) const {
   if (request_id.empty()) return {};
-  const auto known = jobs_.find_request(request_id);
+  const auto known = jobs_.find_request(tenant, request_id);
   if (!known) return {};
   if (known->fingerprint == fingerprint) return Created{known->job, true};
   throw Refusal(Refused::AlreadyExists, "REQUEST_ID_REUSED", "request_id was used for another request, job " + known->job.job_id())
       .at("request_id");
 }
 
-void JobDesk::store_inline_surface(v1::CreateJobRequest& request) {
+void JobDesk::store_inline_surface(const std::string& tenant, v1::CreateJobRequest& request) {
   if (!request.surface().has_data()) return;
-  const auto writer = blobs_.create();
+  const auto writer = blobs_.create(owner_key(tenant));
   writer->write(request.surface().data());
   request.mutable_surface()->set_blob_id(writer->publish().id);
 }
 
-JobDesk::Created JobDesk::create(v1::CreateJobRequest request) {
+JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest request) {
   const std::string fingerprint = fingerprint_of(request);
-  if (auto known = known_request(request.request_id(), fingerprint)) return *known;
-  check_request(request);
+  if (auto known = known_request(caller.tenant, request.request_id(), fingerprint)) return *known;
+  if (draining_) throw Refusal(Refused::Unavailable, "DRAINING", "the server is shutting down").retry_after(kRetrySeconds);
+  admission_.check(caller, request);
   {
     const Lock lock(mutex_);
-    if (static_cast<int>(queue_.size()) >= options_.queue_capacity)
-      throw Refusal(Refused::ResourceExhausted, "QUEUE_FULL", std::to_string(queue_.size()) + " jobs are waiting already")
-          .retry_after(kRetrySeconds);
+    check_room(lock, caller.tenant);
+    ++arriving_;
   }
-  store_inline_surface(request);
+  const auto arrived = [this] {
+    const Lock lock(mutex_);
+    --arriving_;
+  };
+  try {
+    store_inline_surface(caller.tenant, request);
+    Created created = store(std::move(request), caller.tenant, fingerprint);
+    arrived();
+    return created;
+  } catch (...) {
+    arrived();
+    throw;
+  }
+}
 
+// Durable first, then in the queue.
+JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const std::string& tenant, const std::string& fingerprint) {
   auto live = std::make_unique<Live>();
   v1::Job& job = live->stored.job;
   job.set_job_id(random_id());
+  job.set_tenant(tenant);
   job.set_state(v1::JOB_STATE_QUEUED);
   job.set_display_name(request.display_name());
   *job.mutable_labels() = request.labels();
+  job.set_priority(request.priority());
   *job.mutable_create_time() = now();
   *job.mutable_spec() = request.spec();
   job.set_generator(options_.generator);
+  const std::string surface = request.surface().blob_id();
   live->stored.request = std::move(request);
   live->stored.fingerprint = fingerprint;
   live->created = Clock::now();
-
-  const Lock lock(mutex_);
-  if (auto known = known_request(live->stored.request.request_id(), fingerprint)) return *known;
   v1::WatchJobResponse queued;
   queued.mutable_state_changed()->set_state(v1::JOB_STATE_QUEUED);
-  jobs_.insert(live->stored, log(lock, *live, std::move(queued)));
-  count_blobs(live->stored, +1);
+  blobs_.touch(surface);
+  if (!jobs_.insert(live->stored, log(Lock(), *live, std::move(queued)))) {
+    // Another call with the same request id was quicker.
+    if (auto known = known_request(tenant, live->stored.request.request_id(), fingerprint)) return *known;
+    throw Refusal(Refused::Unavailable, "STORAGE_FAILED", "the job could not be stored").retry_after(kRetrySeconds);
+  }
+  live->saved_events = live->log.size();
   const std::string id = job.job_id();
+  if (!blobs_.find(surface)) {
+    jobs_.remove(id);
+    throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "surface.blob_id: the blob was removed meanwhile").at("surface.blob_id");
+  }
+  const Lock lock(mutex_);
   Live& kept = *(live_[id] = std::move(live));
-  queue_.push_back(id);
+  queue_.push(id, tenant, job.priority(), steady_seconds(kept.created));
   schedule(lock);
   return {shown(lock, kept), false};
 }
 
 void JobDesk::resume_stored_jobs() {
   const Lock lock(mutex_);
-  for (StoredJob& stored : jobs_.all()) {
-    count_blobs(stored, +1);
-    if (is_final(stored.job.state())) continue;
-    auto live = std::make_unique<Live>();
-    const std::string id = stored.job.job_id();
-    live->log = jobs_.events(id, 0);
-    live->stored = std::move(stored);
-    live->created = Clock::now();
-    v1::Job& job = live->stored.job;
-    if (job.state() == v1::JOB_STATE_RUNNING) {
-      constexpr std::int64_t kProgressGap = 1'000'000;  // sequences the lost run may have given to progress events
-      job.set_last_sequence(job.last_sequence() + kProgressGap);
-      job.set_state(v1::JOB_STATE_QUEUED);
-      job.clear_progress();
-      v1::WatchJobResponse queued;
-      queued.mutable_state_changed()->set_state(v1::JOB_STATE_QUEUED);
-      const v1::WatchJobResponse& event = log(lock, *live, std::move(queued));
-      jobs_.update(job, {event});
-    }
-    live_[id] = std::move(live);
-    queue_.push_back(id);
-  }
+  for (StoredJob& stored : jobs_.unfinished()) resume(lock, std::move(stored));
   schedule(lock);
+}
+
+// False when the job has been started too often: it may be what ends the server each time.
+bool JobDesk::resume(const Lock& lock, StoredJob stored) {
+  const std::string id = stored.job.job_id();
+  auto live = std::make_unique<Live>();
+  live->log = jobs_.events(id, 0);
+  live->saved_events = live->log.size();
+  live->stored = std::move(stored);
+  live->created = Clock::now();
+  v1::Job& job = live->stored.job;
+  const bool deadly = options_.max_starts > 0 && job.attempt() >= options_.max_starts;
+  job.set_last_sequence(job.last_sequence() + kSequenceGap);
+  if (deadly) {
+    job = ended(*live, ended_badly(v1::JOB_STATE_FAILED, error_of(13, "POISON_JOB", "the server ended " + std::to_string(job.attempt()) +
+                                                                                          " times while it ran this job")));
+    v1::WatchJobResponse event;
+    event.mutable_state_changed()->set_state(job.state());
+    jobs_.update(job, {log(lock, *live, std::move(event))});
+    return false;
+  }
+  if (job.state() == v1::JOB_STATE_RUNNING) {
+    job.set_state(v1::JOB_STATE_QUEUED);
+    job.clear_progress();
+    v1::WatchJobResponse queued;
+    queued.mutable_state_changed()->set_state(v1::JOB_STATE_QUEUED);
+    log(lock, *live, std::move(queued));
+  }
+  queue_.push(id, job.tenant(), job.priority(), steady_seconds(live->created));
+  live_[id] = std::move(live);
+  return true;
 }
 
 // ---- running
 
 void JobDesk::schedule(const Lock& lock) {
-  while (running_ < runner_.slots() && !queue_.empty() && !draining_) {
-    const std::string id = queue_.front();
-    queue_.pop_front();
-    start(lock, *live_.at(id));
+  const auto may_run = [this](const std::string& tenant) {
+    const int most = options_.limits_of(tenant).running;
+    const auto found = running_of_.find(tenant);
+    return most == 0 || found == running_of_.end() || found->second < most;
+  };
+  while (running_ < runner_.slots() && !draining_) {
+    const auto id = queue_.pop(may_run);
+    if (!id) return;
+    start(lock, *live_.at(*id));
   }
 }
 
 void JobDesk::start(const Lock& lock, Live& live) {
-  ++running_;
   v1::Job& job = live.stored.job;
   const v1::CreateJobRequest& request = live.stored.request;
   const int threads = request.max_threads() > 0 ? std::min(request.max_threads(), options_.threads_per_job) : options_.threads_per_job;
+  ++running_;
+  ++running_of_[job.tenant()];
+  live.running = true;
+  live.charged = typical_cost_[job.tenant()];
+  queue_.charge(job.tenant(), live.charged, options_.limits_of(job.tenant()).weight);
   job.set_state(v1::JOB_STATE_RUNNING);
   job.set_threads(threads);
-  job.set_attempt(1);
+  job.set_attempt(job.attempt() + 1);
   *job.mutable_start_time() = now();
   live.started = Clock::now();
   job.mutable_usage()->set_queue_seconds(std::chrono::duration<double>(live.started - live.created).count());
   v1::WatchJobResponse running;
   running.mutable_state_changed()->set_state(v1::JOB_STATE_RUNNING);
-  running.mutable_state_changed()->set_attempt(1);
-  const v1::WatchJobResponse& event = log(lock, live, std::move(running));
-  static_cast<void>(save(job, {event}));  // the end of the job is saved with all that came before
+  running.mutable_state_changed()->set_attempt(job.attempt());
+  log(lock, live, std::move(running));
+  // Where a job can end the server, that it was started must be known afterwards. Elsewhere the tick saves it.
+  if (options_.max_starts > 0 && save(job, {live.log.back()})) live.saved_events = live.log.size();
   const std::string id = job.job_id();
   runner_.start(
-      {id, request, threads}, [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); },
+      {id, request, threads, owner_key(job.tenant())}, [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); },
       [this, id](v1::Job result) { finished(id, std::move(result)); });
 }
 
@@ -282,21 +276,20 @@ void JobDesk::happened(const std::string& job_id, v1::WatchJobResponse event) {
     const auto found = live_.find(job_id);
     if (found == live_.end()) return;
     Live& live = *found->second;
-    const bool keep = !event.has_progress();
     note(live, event);
-    const v1::WatchJobResponse& logged = log(lock, live, std::move(event));
-    if (keep) static_cast<void>(save(live.stored.job, {logged}));
+    log(lock, live, std::move(event));
     watchers = live.watchers;
   }
   poke(std::move(watchers));
 }
 
 // What an event says about the job besides itself.
-void JobDesk::note(Live& live, const v1::WatchJobResponse& event) {
+void JobDesk::note(Live& live, v1::WatchJobResponse& event) {
   v1::Job& job = live.stored.job;
   if (event.has_estimate()) *job.mutable_estimate() = event.estimate();
   if (!event.has_state_changed()) return;
-  job.set_attempt(event.state_changed().attempt());
+  job.set_attempt(job.attempt() + 1);  // the runner counts its own tries only
+  event.mutable_state_changed()->set_attempt(job.attempt());
   job.clear_progress();
   live.progress.reset();
 }
@@ -304,24 +297,36 @@ void JobDesk::note(Live& live, const v1::WatchJobResponse& event) {
 void JobDesk::finished(const std::string& job_id, v1::Job result) {
   std::vector<std::weak_ptr<Watcher>> watchers;
   {
-    const Lock lock(mutex_);
-    --running_;
+    Lock lock(mutex_);
     const auto found = live_.find(job_id);
-    const bool interrupted =
-        closing_ && result.state() == v1::JOB_STATE_CANCELLED && found != live_.end() && !found->second->stored.job.cancel_requested();
-    if (found != live_.end() && !interrupted) {  // an interrupted job stays RUNNING in the store and runs again after the restart
-      watchers = found->second->watchers;
-      finish(lock, *found->second, std::move(result));
+    if (found != live_.end()) {
+      Live& live = *found->second;
+      settle_accounts(lock, live, result);
+      watchers = live.watchers;
+      const bool interrupted = closing_ && result.state() == v1::JOB_STATE_CANCELLED && !live.stored.job.cancel_requested();
+      if (!interrupted) finish(lock, live, std::move(result));  // an interrupted job runs again after the restart
     }
+    --running_;
     schedule(lock);
     idle_.notify_all();
   }
   poke(std::move(watchers));
 }
 
-// The one place where a job becomes final.
-void JobDesk::finish(const Lock& lock, Live& live, v1::Job result) {
-  v1::Job& job = live.stored.job;
+// What the run took, against what was charged when it began.
+void JobDesk::settle_accounts(const Lock&, Live& live, const v1::Job& result) {
+  const std::string& tenant = live.stored.job.tenant();
+  live.running = false;
+  if (--running_of_[tenant] == 0) running_of_.erase(tenant);
+  const double cost = std::max(0.0, result.usage().cpu_seconds());
+  queue_.charge(tenant, cost - live.charged, options_.limits_of(tenant).weight);
+  double& typical = typical_cost_[tenant];
+  typical += kLearning * (cost - typical);
+  typical_wall_ += kLearning * (result.usage().wall_seconds() - typical_wall_);
+}
+
+// The job with its end.
+v1::Job JobDesk::ended(const Live& live, v1::Job result) const {
   if (live.out_of_time && result.state() == v1::JOB_STATE_CANCELLED) {
     const v1::JobError stopped = result.error();
     result.set_state(v1::JOB_STATE_FAILED);
@@ -329,32 +334,51 @@ void JobDesk::finish(const Lock& lock, Live& live, v1::Job result) {
     result.mutable_error()->set_stage(stopped.stage());
     result.mutable_error()->set_backtrace(stopped.backtrace());
   }
+  v1::Job job = live.stored.job;
   const double queued = job.usage().queue_seconds();
   job.MergeFrom(result);
   job.mutable_usage()->set_queue_seconds(queued);
   job.set_cancel_requested(false);
   *job.mutable_end_time() = now();
+  const double asked = live.stored.request.result_ttl_seconds(), most = options_.result_ttl_seconds;
+  const double ttl = asked > 0 && (most == 0 || asked < most) ? asked : most;
+  if (ttl > 0) job.mutable_expire_time()->set_seconds(wall_seconds() + static_cast<std::int64_t>(std::ceil(ttl)));
   if (job.state() == v1::JOB_STATE_SUCCEEDED && job.has_progress()) {
     job.mutable_progress()->set_fraction(1);
     job.mutable_progress()->set_stage_fraction(1);
     job.mutable_progress()->set_eta_seconds(0);
   }
-  v1::WatchJobResponse ended;
-  ended.mutable_state_changed()->set_state(job.state());
-  log(lock, live, std::move(ended));
-  for (const v1::Artifact& artifact : job.artifacts()) ++blob_uses_[artifact.blob().blob_id()];
-  close(lock, live);
+  return job;
 }
 
-// Hands a final job over to the store alone.
-void JobDesk::close(const Lock& lock, Live& live) {
-  const std::string id = live.stored.job.job_id();
-  const bool all_saved = live.unsaved ? save(live.stored.job, live.log) : save(live.stored.job, {live.log.back()});
+// The one place where a job becomes final: first in the store, then for everybody to see. Lets go of the lock meanwhile.
+void JobDesk::finish(Lock& lock, Live& live, v1::Job result) {
+  live.ending = true;
+  saved_.wait(lock, [&] { return !live.saving; });
+  v1::Job job = ended(live, std::move(result));
+  job.set_last_sequence(live.stored.job.last_sequence() + 1);
+  v1::WatchJobResponse last;
+  last.set_sequence(job.last_sequence());
+  *last.mutable_time() = job.end_time();
+  last.mutable_state_changed()->set_state(job.state());
+  std::vector<v1::WatchJobResponse> events(live.log.begin() + static_cast<std::ptrdiff_t>(live.saved_events), live.log.end());
+  events.push_back(last);
+  lock.unlock();
+  const bool all_saved = save(job, events);
+  lock.lock();
+  live.stored.job = std::move(job);
+  live.log.push_back(std::move(last));
   live.unsaved = !all_saved;
-  if (live.unsaved) return;
+  live.ending = false;
+  if (all_saved) close(lock, live);
+}
+
+// Leaves a final job to the store alone.
+void JobDesk::close(const Lock&, Live& live) {
+  const std::string id = live.stored.job.job_id();
   const bool remove = live.remove_when_done;
   live_.erase(id);
-  if (remove) forget(lock, id);
+  if (remove) forget(id);
 }
 
 // A store that fails for a while must not end a run: false, and the job goes on from memory.
@@ -372,104 +396,98 @@ bool JobDesk::save(const v1::Job& job, const std::vector<v1::WatchJobResponse>& 
 
 v1::Job JobDesk::shown(const Lock&, const Live& live) const {
   v1::Job job = live.stored.job;
-  const auto place = std::find(queue_.begin(), queue_.end(), job.job_id());
-  if (place != queue_.end()) job.set_queue_position(static_cast<int>(place - queue_.begin()));
+  job.set_queue_position(queue_.ahead_of(job.job_id()));
   return job;
 }
 
-v1::Job JobDesk::get(const std::string& job_id) const {
-  if (!is_id(job_id)) throw no_job(job_id);
-  const Lock lock(mutex_);
+JobDesk::Live* JobDesk::find_live(const Lock&, const Caller& caller, const std::string& job_id) const {
   const auto found = live_.find(job_id);
-  if (found != live_.end()) return shown(lock, *found->second);
+  if (found == live_.end()) return nullptr;
+  if (!caller.sees(found->second->stored.job.tenant())) throw no_job(job_id);
+  return found->second.get();
+}
+
+v1::Job JobDesk::get(const Caller& caller, const std::string& job_id) const {
+  if (!is_id(job_id)) throw no_job(job_id);
+  {
+    const Lock lock(mutex_);
+    if (const Live* live = find_live(lock, caller, job_id)) return shown(lock, *live);
+  }
   const auto stored = jobs_.find(job_id);
-  if (!stored) throw no_job(job_id);
+  if (!stored || !caller.sees(stored->job.tenant())) throw no_job(job_id);
   return stored->job;
 }
 
-JobPage JobDesk::list(const v1::ListJobsRequest& request) const {
-  if (request.page_size() < 0 || request.page_size() > kMaxPage) throw invalid("page_size", "must be 0 to 1000");
+JobPage JobDesk::list(const Caller& caller, const v1::ListJobsRequest& request) const {
+  if (request.page_size() < 0 || request.page_size() > kMaxPage) throw invalid_field("page_size", "must be 0 to 1000");
   const std::string& token = request.page_token();
   if (token.size() > 18 || token.find_first_not_of("0123456789") != std::string::npos)
-    throw invalid("page_token", "is not one of this server's");
-  const int size = request.page_size() == 0 ? kDefaultPage : request.page_size();
-  JobPage page = jobs_.list(size, token, {request.states().begin(), request.states().end()});
+    throw invalid_field("page_token", "is not one of this server's");
+  JobQuery query;
+  if (caller.role != Role::Admin) query.tenant = caller.tenant;
+  query.page_size = request.page_size() == 0 ? kDefaultPage : request.page_size();
+  query.token = token;
+  query.states.assign(request.states().begin(), request.states().end());
+  query.labels.assign(request.labels().begin(), request.labels().end());
+  JobPage page = jobs_.list(query);
   const Lock lock(mutex_);
-  for (v1::Job& job : page.jobs) {
-    const auto found = live_.find(job.job_id());
-    if (found != live_.end()) job = without_details(shown(lock, *found->second));
-  }
+  for (v1::Job& job : page.jobs)
+    if (const auto found = live_.find(job.job_id()); found != live_.end())
+      job = without_details(found->second->stored.job);
   return page;
 }
 
-v1::Job JobDesk::cancel(const std::string& job_id) {
+v1::Job JobDesk::cancel(const Caller& caller, const std::string& job_id) {
   std::vector<std::weak_ptr<Watcher>> watchers;
   {
-    const Lock lock(mutex_);
-    const auto found = live_.find(job_id);
-    if (found != live_.end()) {
-      Live& live = *found->second;
-      watchers = live.watchers;
-      const auto place = std::find(queue_.begin(), queue_.end(), job_id);
-      if (place != queue_.end()) {
-        queue_.erase(place);
-        v1::Job result;
-        result.set_state(v1::JOB_STATE_CANCELLED);
-        *result.mutable_error() = error_of(1, "CANCELLED", "the job was cancelled before it ran");
-        finish(lock, live, std::move(result));
+    Lock lock(mutex_);
+    if (Live* live = find_live(lock, caller, job_id); live != nullptr && !live->ending && !live->unsaved) {
+      watchers = live->watchers;
+      if (queue_.remove(job_id)) {
+        finish(lock, *live, ended_badly(v1::JOB_STATE_CANCELLED, error_of(1, "CANCELLED", "the job was cancelled before it ran")));
       } else {
-        live.stored.job.set_cancel_requested(true);
+        live->stored.job.set_cancel_requested(true);
         runner_.cancel(job_id, Stop::Cancelled);
       }
     }
   }
   poke(std::move(watchers));
-  return get(job_id);
+  return get(caller, job_id);
 }
 
-void JobDesk::remove(const v1::DeleteJobRequest& request) {
+void JobDesk::remove(const Caller& caller, const v1::DeleteJobRequest& request) {
   const std::string& id = request.job_id();
+  const auto stored = is_id(id) ? jobs_.find(id) : std::nullopt;
+  if (!stored || !caller.sees(stored->job.tenant())) {
+    if (request.allow_missing()) return;
+    throw no_job(id);
+  }
+  bool is_live = false;
   {
     const Lock lock(mutex_);
-    const auto found = live_.find(id);
-    if (found == live_.end()) {
-      if (is_id(id) && jobs_.find(id)) return forget(lock, id);
-      if (request.allow_missing()) return;
-      throw no_job(id);
+    if (Live* live = find_live(lock, caller, id)) {
+      is_live = true;
+      if (!request.cancel_if_running())
+        throw Refusal(Refused::FailedPrecondition, "JOB_NOT_FINISHED", "job " + id + " has not ended: cancel it first").at("job_id");
+      live->remove_when_done = true;
     }
-    if (!request.cancel_if_running())
-      throw Refusal(Refused::FailedPrecondition, "JOB_NOT_FINISHED", "job " + id + " has not ended: cancel it first").at("job_id");
-    found->second->remove_when_done = true;
   }
+  if (!is_live) return forget(id);
   try {
-    cancel(id);
+    cancel(caller, id);
   } catch (const Refusal&) {
     // it is gone already: that was the order
   }
 }
 
-void JobDesk::forget(const Lock& lock, const std::string& job_id) {
+// The record first, then what it points to: a crash in between leaves blobs that nobody uses, which the sweep finds.
+void JobDesk::forget(const std::string& job_id) {
   const auto stored = jobs_.find(job_id);
   if (!stored) return;
   jobs_.remove(job_id);
-  release_blobs(lock, *stored);
-}
-
-void JobDesk::count_blobs(const StoredJob& stored, int change) {
-  blob_uses_[stored.request.surface().blob_id()] += change;
-  for (const v1::Artifact& artifact : stored.job.artifacts()) blob_uses_[artifact.blob().blob_id()] += change;
-}
-
-void JobDesk::release_blobs(const Lock&, const StoredJob& stored) {
-  count_blobs(stored, -1);
-  const auto drop = [&](const std::string& blob_id) {
-    const auto uses = blob_uses_.find(blob_id);
-    if (uses == blob_uses_.end() || uses->second > 0) return;
-    blob_uses_.erase(uses);
-    blobs_.remove(blob_id);
-  };
-  drop(stored.request.surface().blob_id());
-  for (const v1::Artifact& artifact : stored.job.artifacts()) drop(artifact.blob().blob_id());
+  for (const v1::Artifact& artifact : stored->job.artifacts()) blobs_.remove(artifact.blob().blob_id());
+  const std::string& surface = stored->request.surface().blob_id();
+  if (!jobs_.uses(surface)) blobs_.remove(surface);
 }
 
 // ---- watching
@@ -482,53 +500,32 @@ void JobDesk::watch(const std::string& job_id, const std::weak_ptr<Watcher>& wat
 }
 
 News JobDesk::news(const std::string& job_id, std::int64_t after_sequence, bool with_progress) const {
-  const Lock lock(mutex_);
-  const auto found = live_.find(job_id);
-  if (found == live_.end()) {
-    auto stored = is_id(job_id) ? jobs_.find(job_id) : std::nullopt;
-    if (!stored) throw no_job(job_id);
-    return {jobs_.events(job_id, after_sequence), std::move(stored->job)};
+  {
+    const Lock lock(mutex_);
+    const auto found = live_.find(job_id);
+    if (found != live_.end()) {
+      const Live& live = *found->second;
+      News news;
+      if (live.unsaved) news.done = live.stored.job;
+      const auto newer = std::upper_bound(live.log.begin(), live.log.end(), after_sequence,
+                                          [](std::int64_t sequence, const v1::WatchJobResponse& e) { return sequence < e.sequence(); });
+      news.events.assign(newer, live.log.end());
+      if (with_progress && live.progress && live.progress->sequence() > after_sequence) {
+        const auto place =
+            std::find_if(news.events.begin(), news.events.end(), [&](const auto& e) { return e.sequence() > live.progress->sequence(); });
+        news.events.insert(place, *live.progress);
+      }
+      return news;
+    }
   }
-  const Live& live = *found->second;
-  News news;
-  if (live.unsaved) news.done = live.stored.job;
-  const auto newer = std::upper_bound(live.log.begin(), live.log.end(), after_sequence,
-                                      [](std::int64_t sequence, const v1::WatchJobResponse& e) { return sequence < e.sequence(); });
-  news.events.assign(newer, live.log.end());
-  if (with_progress && live.progress && live.progress->sequence() > after_sequence) {
-    const auto place =
-        std::find_if(news.events.begin(), news.events.end(), [&](const auto& e) { return e.sequence() > live.progress->sequence(); });
-    news.events.insert(place, *live.progress);
-  }
-  return news;
+  auto stored = is_id(job_id) ? jobs_.find(job_id) : std::nullopt;
+  if (!stored) throw no_job(job_id);
+  return {jobs_.events(job_id, after_sequence), std::move(stored->job)};
 }
 
 void JobDesk::poke(std::vector<std::weak_ptr<Watcher>> watchers) const {
   for (const std::weak_ptr<Watcher>& weak : watchers)
     if (const auto watcher = weak.lock()) watcher->poke();
-}
-
-void JobDesk::tick() {
-  std::vector<std::weak_ptr<Watcher>> watchers;
-  {
-    const Lock lock(mutex_);
-    const Clock::time_point at = Clock::now();
-    for (auto next = live_.begin(); next != live_.end();) {
-      const auto here = next++;
-      if (here->second->unsaved) close(lock, *here->second);
-    }
-    for (auto& [id, live] : live_) {
-      if (live->stored.job.state() != v1::JOB_STATE_RUNNING || live->out_of_time) continue;
-      double limit = live->stored.request.time_limit_seconds();
-      if (options_.time_limit_seconds > 0 && (limit == 0 || options_.time_limit_seconds < limit)) limit = options_.time_limit_seconds;
-      if (limit == 0 || std::chrono::duration<double>(at - live->started).count() < limit) continue;
-      live->out_of_time = true;
-      runner_.cancel(id, Stop::OutOfTime);
-    }
-    std::erase_if(watchers_, [](const std::weak_ptr<Watcher>& w) { return w.expired(); });
-    watchers = watchers_;
-  }
-  poke(std::move(watchers));
 }
 
 // ---- going down
@@ -541,8 +538,14 @@ bool JobDesk::wait_idle(std::chrono::steady_clock::duration at_most) {
 }
 
 JobDesk::Load JobDesk::load() const {
+  const std::int64_t total = jobs_.count();
   const Lock lock(mutex_);
-  return {running_, static_cast<int>(queue_.size()), jobs_.count()};
+  Load load{running_, static_cast<int>(queue_.size()), total, 0, blobs_.free_bytes(), static_cast<std::int64_t>(watchers_.size())};
+  for (const auto& [id, live] : live_)
+    if (!live->running && queue_.holds(id))
+      load.oldest_queued_seconds =
+          std::max(load.oldest_queued_seconds, std::chrono::duration<double>(Clock::now() - live->created).count());
+  return load;
 }
 
 }  // namespace strata::server

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
-#include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -14,7 +14,10 @@
 #include <thread>
 #include <vector>
 
+#include "server/admission.h"
 #include "server/blob_store.h"
+#include "server/caller.h"
+#include "server/job_queue.h"
 #include "server/job_runner.h"
 #include "server/job_store.h"
 #include "server/mesher_door.h"
@@ -24,9 +27,16 @@ namespace strata::server {
 struct DeskOptions {
   int queue_capacity = 1000;
   int threads_per_job = 1;
-  double time_limit_seconds = 0;  // of every job; 0: none
+  double time_limit_seconds = 0;      // of every job; 0: none
   std::int64_t max_inline_surface_bytes = std::int64_t{1} << 20;
-  std::string generator;          // version written into jobs
+  double result_ttl_seconds = 0;      // after the end of a job; 0: results stay until deleted
+  double surface_ttl_seconds = 86400; // of blobs that no job uses; 0: they stay
+  std::int64_t disk_reserve_bytes = 0;  // no new jobs when less is free
+  int max_starts = 0;                 // of a job, restarts of the server included; then it counts as deadly. 0: no limit
+  std::int64_t memory_budget_bytes = 0;  // of all jobs together; for those who ask
+  std::string generator;              // version written into jobs
+  std::function<TenantLimits(const std::string&)> limits_of = [](const std::string&) { return TenantLimits{}; };
+  std::function<std::int64_t()> wall_clock;  // seconds since 1970; empty: the system's
 };
 
 // Wants to know when there may be news of a job. poke() comes from any thread, without any lock of the desk, and must be quick.
@@ -51,21 +61,19 @@ class JobDesk {
     bool existing = false;
   };
   // Durable on return. Throws Refusal or MeshError(InvalidInput).
-  Created create(v1::CreateJobRequest request);
-  v1::Job get(const std::string& job_id) const;
-  JobPage list(const v1::ListJobsRequest& request) const;
-  v1::Job cancel(const std::string& job_id);
-  void remove(const v1::DeleteJobRequest& request);
+  Created create(const Caller& caller, v1::CreateJobRequest request);
+  // Jobs of other tenants do not exist for a caller: NOT_FOUND.
+  v1::Job get(const Caller& caller, const std::string& job_id) const;
+  JobPage list(const Caller& caller, const v1::ListJobsRequest& request) const;
+  v1::Job cancel(const Caller& caller, const std::string& job_id);
+  void remove(const Caller& caller, const v1::DeleteJobRequest& request);
 
   // Pokes `watcher` now and then, and whenever something happens to the job, for as long as it lives.
   void watch(const std::string& job_id, const std::weak_ptr<Watcher>& watcher);
   // What happened after that sequence. Throws Refusal NOT_FOUND.
   News news(const std::string& job_id, std::int64_t after_sequence, bool with_progress) const;
 
-  // The typed specification and a readable surface reference, or Refusal / MeshError(InvalidInput). Shared with ValidateJob.
-  template <class Request>
-  v1::MeshSpec checked_spec(const Request& request) const;
-  void check_surface(const v1::Surface& surface) const;
+  [[nodiscard]] const Admission& admission() const { return admission_; }
 
   // No new jobs from now on.
   void drain();
@@ -77,6 +85,9 @@ class JobDesk {
     int running = 0;
     int queued = 0;
     std::int64_t total = 0;
+    double oldest_queued_seconds = 0;
+    std::int64_t disk_free_bytes = 0;
+    std::int64_t watchers = 0;
   };
   [[nodiscard]] Load load() const;
   [[nodiscard]] const DeskOptions& options() const { return options_; }
@@ -89,50 +100,72 @@ class JobDesk {
   struct Live {
     StoredJob stored;
     std::vector<v1::WatchJobResponse> log;
+    std::size_t saved_events = 0;  // of the log
     std::optional<v1::WatchJobResponse> progress;  // the newest only
     std::vector<std::weak_ptr<Watcher>> watchers;
     Clock::time_point created, started;
+    double charged = 0;            // core seconds the tenant was charged with in advance
+    bool running = false;
     bool out_of_time = false;
     bool remove_when_done = false;
-    bool unsaved = false;  // final, but the store did not take it yet: the tick tries again
+    bool saving = false;           // the tick writes it, without the lock
+    bool ending = false;           // its end is decided and being written
+    bool unsaved = false;          // final, but the store did not take it: the tick tries again
   };
   using Lock = std::unique_lock<std::mutex>;
 
   void resume_stored_jobs();
-  void check_request(v1::CreateJobRequest& request) const;
-  [[nodiscard]] std::optional<Created> known_request(const std::string& request_id, const std::string& fingerprint) const;
-  void store_inline_surface(v1::CreateJobRequest& request);
-  void schedule(const Lock&);
-  void start(const Lock&, Live& live);
+  bool resume(const Lock& lock, StoredJob stored);
+  void check_room(const Lock& lock, const std::string& tenant) const;
+  [[nodiscard]] double seconds_until_room() const;
+  [[nodiscard]] std::optional<Created> known_request(const std::string& tenant, const std::string& request_id,
+                                                     const std::string& fingerprint) const;
+  void store_inline_surface(const std::string& tenant, v1::CreateJobRequest& request);
+  Created store(v1::CreateJobRequest request, const std::string& tenant, const std::string& fingerprint);
+  void schedule(const Lock& lock);
+  void start(const Lock& lock, Live& live);
   void happened(const std::string& job_id, v1::WatchJobResponse event);
-  static void note(Live& live, const v1::WatchJobResponse& event);
+  static void note(Live& live, v1::WatchJobResponse& event);
   void finished(const std::string& job_id, v1::Job result);
-  void finish(const Lock&, Live& live, v1::Job result);
-  v1::WatchJobResponse& log(const Lock&, Live& live, v1::WatchJobResponse event);
+  void settle_accounts(const Lock& lock, Live& live, const v1::Job& result);
+  [[nodiscard]] v1::Job ended(const Live& live, v1::Job result) const;
+  void finish(Lock& lock, Live& live, v1::Job result);
+  v1::WatchJobResponse& log(const Lock& lock, Live& live, v1::WatchJobResponse event);
   [[nodiscard]] bool save(const v1::Job& job, const std::vector<v1::WatchJobResponse>& events);
-  void close(const Lock&, Live& live);
+  void close(const Lock& lock, Live& live);
   void poke(std::vector<std::weak_ptr<Watcher>> watchers) const;
-  void release_blobs(const Lock&, const StoredJob& stored);
-  void count_blobs(const StoredJob& stored, int change);
-  void forget(const Lock&, const std::string& job_id);
+  void forget(const std::string& job_id);
+  [[nodiscard]] Live* find_live(const Lock& lock, const Caller& caller, const std::string& job_id) const;
+  [[nodiscard]] v1::Job shown(const Lock& lock, const Live& live) const;
+
   void tick();
-  [[nodiscard]] v1::Job shown(const Lock&, const Live& live) const;
+  void save_progress(Lock& lock);
+  void stop_late_jobs(const Lock& lock);
+  void sweep();
+  void sweep_blobs(std::int64_t now);
+  [[nodiscard]] std::int64_t wall_seconds() const;
+  [[nodiscard]] bool clock_jumped(std::int64_t now);
 
   JobStore& jobs_;
   BlobStore& blobs_;
   JobRunner& runner_;
-  const MesherDoor mesher_;
   const DeskOptions options_;
+  const Admission admission_;
 
   mutable std::mutex mutex_;
-  std::condition_variable idle_;
+  std::condition_variable idle_, saved_;
   std::map<std::string, std::unique_ptr<Live>> live_;
-  std::deque<std::string> queue_;
+  JobQueue queue_;
   int running_ = 0;
-  std::map<std::string, int> blob_uses_;
+  int arriving_ = 0;                           // being stored
+  std::map<std::string, int> running_of_;      // tenant
+  std::map<std::string, double> typical_cost_; // tenant: core seconds of its jobs of late
+  double typical_wall_ = 10;                   // seconds of the jobs of late
   std::atomic<bool> draining_ = false;
   bool closing_ = false;  // what is cancelled from now on was not cancelled by its owner
   std::vector<std::weak_ptr<Watcher>> watchers_;  // all, for the tick
+  Clock::time_point swept_, swept_blobs_, saved_at_, steady_at_;
+  std::optional<std::int64_t> wall_at_;
   std::jthread ticker_;
 };
 

@@ -21,21 +21,17 @@ namespace {
 
 using grpc::CallbackServerContext;
 
-Refusal invalid(const std::string& field, const std::string& message) {
-  return Refusal(Refused::InvalidArgument, "REQUEST_INVALID", field + ": " + message).at(field);
-}
-
 FeedOptions feed_options(const v1::WatchJobRequest& request) {
   FeedOptions options;
-  if (request.after_sequence() < 0) throw invalid("after_sequence", "must not be negative");
+  if (request.after_sequence() < 0) throw invalid_field("after_sequence", "must not be negative");
   options.after_sequence = request.after_sequence();
   if (request.heartbeat_seconds() != 0) {
-    if (!(request.heartbeat_seconds() >= 1 && request.heartbeat_seconds() <= 60)) throw invalid("heartbeat_seconds", "must be 1 to 60");
+    if (!(request.heartbeat_seconds() >= 1 && request.heartbeat_seconds() <= 60)) throw invalid_field("heartbeat_seconds", "must be 1 to 60");
     options.heartbeat = std::chrono::duration<double>(request.heartbeat_seconds());
   }
   if (request.min_interval_seconds() != 0) {
     if (!(request.min_interval_seconds() >= 0.1 && request.min_interval_seconds() <= 60))
-      throw invalid("min_interval_seconds", "must be 0.1 to 60");
+      throw invalid_field("min_interval_seconds", "must be 0.1 to 60");
     options.min_interval = std::chrono::duration<double>(request.min_interval_seconds());
   }
   return options;
@@ -116,12 +112,12 @@ class StreamingCall : public Reactor, public Watcher, public std::enable_shared_
 
 class WatchCall final : public StreamingCall<grpc::ServerWriteReactor<v1::WatchJobResponse>, v1::WatchJobResponse> {
  public:
-  static WatchCall* begin(JobDesk& desk, const v1::WatchJobRequest& request) {
+  static WatchCall* begin(Gate& gate, const CallbackServerContext& context, JobDesk& desk, const v1::WatchJobRequest& request) {
     const auto call = std::make_shared<WatchCall>();
     call->own_itself();
     const grpc::Status status = status_of([&] {
       call->feed_.emplace(desk, request.job_id(), feed_options(request));
-      desk.get(request.job_id());
+      desk.get(gate.admit(credentials_of(context), Role::Viewer, CallKind::Plain), request.job_id());
       desk.watch(request.job_id(), call);
     });
     if (status.ok()) call->start_streaming();
@@ -146,10 +142,13 @@ class GenerateCall final
  public:
   GenerateCall(JobDesk& desk, BlobStore& blobs, const WireLimits& limits) : desk_(desk), blobs_(blobs), limits_(limits) {}
 
-  static GenerateCall* begin(JobDesk& desk, BlobStore& blobs, const WireLimits& limits) {
+  static GenerateCall* begin(Gate& gate, const CallbackServerContext& context, JobDesk& desk, BlobStore& blobs, const WireLimits& limits) {
     const auto call = std::make_shared<GenerateCall>(desk, blobs, limits);
     call->own_itself();
-    call->StartRead(&call->request_);
+    const grpc::Status status =
+        status_of([&] { call->caller_ = gate.admit(credentials_of(context), Role::Submitter, CallKind::Submit); });
+    if (status.ok()) call->StartRead(&call->request_);
+    else call->fail(status);
     return call.get();
   }
 
@@ -163,31 +162,31 @@ class GenerateCall final
  private:
   void take() {
     if (request_.has_open()) return open();
-    if (!opened_) throw invalid("open", "must be the first message");
-    if (!request_.has_frame()) throw invalid("part", "is missing");
-    if (upload_id_.empty()) throw invalid("open.surface_size_bytes", "announced no frames");
+    if (!opened_) throw invalid_field("open", "must be the first message");
+    if (!request_.has_frame()) throw invalid_field("part", "is missing");
+    if (upload_id_.empty()) throw invalid_field("open.surface_size_bytes", "announced no frames");
     check_frame(request_.frame(), limits_);
     upload_ = blobs_.write_upload(upload_id_, request_.frame().offset(), request_.frame().data());
   }
 
   void open() {
-    if (opened_) throw invalid("open", "came twice");
+    if (opened_) throw invalid_field("open", "came twice");
     opened_ = true;
     open_ = request_.open();
     const bool has_source = open_.job().surface().source_case() != v1::Surface::SOURCE_NOT_SET;
     if (open_.surface_size_bytes() == 0) return;
-    if (has_source) throw invalid("open.surface_size_bytes", "announces frames for a surface that is there already");
+    if (has_source) throw invalid_field("open.surface_size_bytes", "announces frames for a surface that is there already");
     check_upload(open_.surface_size_bytes(), open_.surface_sha256(), limits_);
-    upload_id_ = blobs_.start_upload(open_.surface_size_bytes(), open_.surface_sha256()).id;
+    upload_id_ = blobs_.start_upload(open_.surface_size_bytes(), open_.surface_sha256(), owner_key(caller_.tenant)).id;
   }
 
   void create() {
-    if (!opened_) throw invalid("open", "is missing");
+    if (!opened_) throw invalid_field("open", "is missing");
     if (!upload_id_.empty()) {
-      if (!upload_.blob) throw invalid("frame", "the surface ended before all of its bytes came");
+      if (!upload_.blob) throw invalid_field("frame", "the surface ended before all of its bytes came");
       open_.mutable_job()->mutable_surface()->set_blob_id(upload_.blob->id);
     }
-    const std::string job_id = desk_.create(open_.job()).job.job_id();
+    const std::string job_id = desk_.create(caller_, open_.job()).job.job_id();
     {
       const std::lock_guard lock(job_mutex_);
       job_id_ = job_id;
@@ -246,12 +245,13 @@ class GenerateCall final
       job_id = job_id_;
     }
     if (job_id.empty() || open_.detach_on_disconnect()) return;
-    static_cast<void>(status_of([&] { desk_.cancel(job_id); }));
+    static_cast<void>(status_of([&] { desk_.cancel(caller_, job_id); }));
   }
 
   JobDesk& desk_;
   BlobStore& blobs_;
   const WireLimits& limits_;
+  Caller caller_;
   v1::GenerateMeshRequest request_;
   v1::GenerateMeshOpen open_;
   bool opened_ = false;
@@ -271,9 +271,9 @@ class GenerateCall final
 // Checking a request reads the surface and builds the octree: too long for gRPC's threads.
 class ValidateCall final : public grpc::ServerUnaryReactor {
  public:
-  ValidateCall(const JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher, const v1::ValidateJobRequest* request,
+  ValidateCall(Caller caller, const JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher, const v1::ValidateJobRequest* request,
                v1::ValidateJobResponse* response)
-      : desk_(desk), blobs_(blobs), mesher_(mesher), request_(request), response_(response) {}
+      : caller_(std::move(caller)), desk_(desk), blobs_(blobs), mesher_(mesher), request_(request), response_(response) {}
 
   void run() {
     Finish(status_of([&] { validate(); }));
@@ -283,9 +283,9 @@ class ValidateCall final : public grpc::ServerUnaryReactor {
 
  private:
   void validate() {
-    desk_.check_surface(request_->surface());
+    desk_.admission().check_surface(caller_, request_->surface());
     try {
-      *response_->mutable_effective_spec() = desk_.checked_spec(*request_);
+      *response_->mutable_effective_spec() = desk_.admission().checked_spec(*request_);
       TriangleSoup soup = read_wire_surface(request_->surface(), bytes());
       Context context(&cancelled_, {});
       CheckReport report;
@@ -318,6 +318,7 @@ class ValidateCall final : public grpc::ServerUnaryReactor {
     if (acceptable) *response_->mutable_estimate() = to_wire(report.estimate);
   }
 
+  const Caller caller_;
   const JobDesk& desk_;
   BlobStore& blobs_;
   const MesherDoor& mesher_;
@@ -328,35 +329,39 @@ class ValidateCall final : public grpc::ServerUnaryReactor {
 
 class JobService final : public v1::JobService::CallbackService {
  public:
-  JobService(JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher, const WireLimits& limits)
-      : desk_(desk), blobs_(blobs), mesher_(mesher), limits_(limits), checks_(kCheckThreads, kWaitingChecks) {}
+  JobService(Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher, const WireLimits& limits)
+      : gate_(gate), desk_(desk), blobs_(blobs), mesher_(mesher), limits_(limits), checks_(kCheckThreads, kWaitingChecks) {}
 
   grpc::ServerUnaryReactor* CreateJob(CallbackServerContext* context, const v1::CreateJobRequest* request,
                                       v1::CreateJobResponse* response) override {
-    return answer(context, [&] {
-      JobDesk::Created created = desk_.create(*request);
+    return answer(context, Role::Submitter, CallKind::Submit, [&](const Caller& caller) {
+      JobDesk::Created created = desk_.create(caller, *request);
       *response->mutable_job() = std::move(created.job);
       response->set_existing(created.existing);
     });
   }
 
-  grpc::ServerUnaryReactor* ValidateJob(CallbackServerContext*, const v1::ValidateJobRequest* request,
+  grpc::ServerUnaryReactor* ValidateJob(CallbackServerContext* context, const v1::ValidateJobRequest* request,
                                         v1::ValidateJobResponse* response) override {
-    auto* call = new ValidateCall(desk_, blobs_, mesher_, request, response);
-    if (!checks_.submit([call] { call->run(); }))
+    Caller caller;
+    const grpc::Status status = status_of([&] { caller = gate_.admit(credentials_of(*context), Role::Submitter, CallKind::Plain); });
+    auto* call = new ValidateCall(caller, desk_, blobs_, mesher_, request, response);
+    if (!status.ok()) call->Finish(status);
+    else if (!checks_.submit([call] { call->run(); }))
       call->Finish(to_status(Refusal(Refused::ResourceExhausted, "QUEUE_FULL", "too many checks are waiting").retry_after(2)));
     return call;
   }
 
   grpc::ServerUnaryReactor* GetJob(CallbackServerContext* context, const v1::GetJobRequest* request,
                                    v1::GetJobResponse* response) override {
-    return answer(context, [&] { *response->mutable_job() = desk_.get(request->job_id()); });
+    return answer(context, Role::Viewer, CallKind::Plain,
+                  [&](const Caller& caller) { *response->mutable_job() = desk_.get(caller, request->job_id()); });
   }
 
   grpc::ServerUnaryReactor* ListJobs(CallbackServerContext* context, const v1::ListJobsRequest* request,
                                      v1::ListJobsResponse* response) override {
-    return answer(context, [&] {
-      JobPage page = desk_.list(*request);
+    return answer(context, Role::Viewer, CallKind::Plain, [&](const Caller& caller) {
+      JobPage page = desk_.list(caller, *request);
       for (v1::Job& job : page.jobs) *response->add_jobs() = std::move(job);
       response->set_next_page_token(page.next_token);
     });
@@ -364,20 +369,21 @@ class JobService final : public v1::JobService::CallbackService {
 
   grpc::ServerUnaryReactor* CancelJob(CallbackServerContext* context, const v1::CancelJobRequest* request,
                                       v1::CancelJobResponse* response) override {
-    return answer(context, [&] { *response->mutable_job() = desk_.cancel(request->job_id()); });
+    return answer(context, Role::Submitter, CallKind::Plain,
+                  [&](const Caller& caller) { *response->mutable_job() = desk_.cancel(caller, request->job_id()); });
   }
 
   grpc::ServerUnaryReactor* DeleteJob(CallbackServerContext* context, const v1::DeleteJobRequest* request,
                                       v1::DeleteJobResponse*) override {
-    return answer(context, [&] { desk_.remove(*request); });
+    return answer(context, Role::Submitter, CallKind::Plain, [&](const Caller& caller) { desk_.remove(caller, *request); });
   }
 
-  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(CallbackServerContext*, const v1::WatchJobRequest* request) override {
-    return WatchCall::begin(desk_, *request);
+  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(CallbackServerContext* context, const v1::WatchJobRequest* request) override {
+    return WatchCall::begin(gate_, *context, desk_, *request);
   }
 
-  grpc::ServerBidiReactor<v1::GenerateMeshRequest, v1::GenerateMeshResponse>* GenerateMesh(CallbackServerContext*) override {
-    return GenerateCall::begin(desk_, blobs_, limits_);
+  grpc::ServerBidiReactor<v1::GenerateMeshRequest, v1::GenerateMeshResponse>* GenerateMesh(CallbackServerContext* context) override {
+    return GenerateCall::begin(gate_, *context, desk_, blobs_, limits_);
   }
 
  private:
@@ -385,12 +391,13 @@ class JobService final : public v1::JobService::CallbackService {
   static constexpr std::size_t kWaitingChecks = 64;
 
   template <class Body>
-  static grpc::ServerUnaryReactor* answer(CallbackServerContext* context, const Body& body) {
+  grpc::ServerUnaryReactor* answer(CallbackServerContext* context, Role needed, CallKind kind, const Body& body) {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    reactor->Finish(status_of(body));
+    reactor->Finish(status_of([&] { body(gate_.admit(credentials_of(*context), needed, kind)); }));
     return reactor;
   }
 
+  Gate& gate_;
   JobDesk& desk_;
   BlobStore& blobs_;
   const MesherDoor mesher_;
@@ -400,8 +407,9 @@ class JobService final : public v1::JobService::CallbackService {
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> make_job_service(JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher, const WireLimits& limits) {
-  return std::make_unique<JobService>(desk, blobs, mesher, limits);
+std::unique_ptr<grpc::Service> make_job_service(Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher,
+                                                const WireLimits& limits) {
+  return std::make_unique<JobService>(gate, desk, blobs, mesher, limits);
 }
 
 }  // namespace strata::server

@@ -1,13 +1,20 @@
 // stratad: wires the parts, starts, waits for the signal, drains.
+#include <fcntl.h>
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/file.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
+#include <cstring>
+#include <filesystem>
 #include <iostream>
 #include <optional>
+#include <stdexcept>
+#include <string>
 
 #include "server/config.h"
 #include "server/job_log.h"
@@ -69,7 +76,27 @@ void drain(const Config& config, pid_t parent, Server& server, JobDesk& desk, co
     if (sigtimedwait(&signals, nullptr, &kLook) > 0) return;
 }
 
+// Two servers in one folder would run each other's jobs. Held until the process ends, however it does.
+class DataLock {
+ public:
+  explicit DataLock(const std::string& folder) {
+    std::filesystem::create_directories(folder);
+    const std::string path = folder + "/lock";
+    fd_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    if (fd_ < 0) throw std::runtime_error("cannot open " + path + ": " + std::strerror(errno));
+    if (flock(fd_, LOCK_EX | LOCK_NB) != 0) throw std::runtime_error("another stratad uses " + folder);
+  }
+  ~DataLock() { close(fd_); }
+  DataLock(const DataLock&) = delete;
+  DataLock& operator=(const DataLock&) = delete;
+
+ private:
+  int fd_ = -1;
+};
+
 void serve(const Config& config, pid_t parent, const sigset_t& signals) {
+  const DataLock lock(config.data_folder);
+  Gate gate(config.auth_file);
   const auto blobs = open_file_blob_store(config.data_folder);
   const auto jobs = open_job_store(config.data_folder);
   const MesherDoor mesher = mesher_door();
@@ -79,8 +106,10 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   const auto logged = log_jobs(*runner);
   Metrics metrics;
   const auto measured = metrics.measure(*logged);
-  JobDesk desk(*jobs, *blobs, *measured, mesher, config.desk);
-  Server server(config.server, desk, *blobs, mesher);
+  DeskOptions options = config.desk;
+  options.limits_of = [&gate](const std::string& tenant) { return gate.limits_of(tenant); };
+  JobDesk desk(*jobs, *blobs, *measured, mesher, options);
+  Server server(config.server, gate, desk, *blobs, mesher);
   if (!config.metrics_listen.empty()) metrics.serve(config.metrics_listen, desk);
   for (const std::string& address : server.addresses())
     spdlog::info(R"("msg":"listening","address":"{}","slots":{},"threads_per_job":{})", address, config.slots, config.desk.threads_per_job);

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <map>
+#include <iterator>
 #include <mutex>
+#include <utility>
 
 #include "server/job_store.h"
 #include "server/refusal.h"
@@ -10,12 +12,15 @@ namespace {
 
 class MemoryJobStore final : public JobStore {
  public:
-  void insert(const StoredJob& stored, const v1::WatchJobResponse& first_event) override {
+  bool insert(const StoredJob& stored, const v1::WatchJobResponse& first_event) override {
     const std::lock_guard lock(mutex_);
+    const RequestKey request{stored.job.tenant(), stored.request.request_id()};
+    if (!request.second.empty() && by_request_.contains(request)) return false;
     const std::int64_t order = ++last_order_;
     order_of_[stored.job.job_id()] = order;
-    if (!stored.request.request_id().empty()) by_request_[stored.request.request_id()] = order;
+    if (!request.second.empty()) by_request_[request] = order;
     rows_[order] = {stored, {first_event}};
+    return true;
   }
 
   std::optional<StoredJob> find(const std::string& job_id) const override {
@@ -24,16 +29,16 @@ class MemoryJobStore final : public JobStore {
     return row == nullptr ? std::nullopt : std::optional(row->stored);
   }
 
-  std::optional<StoredJob> find_request(const std::string& request_id) const override {
+  std::optional<StoredJob> find_request(const std::string& tenant, const std::string& request_id) const override {
     const std::lock_guard lock(mutex_);
-    const auto found = by_request_.find(request_id);
+    const auto found = by_request_.find({tenant, request_id});
     return found == by_request_.end() ? std::nullopt : std::optional(rows_.at(found->second).stored);
   }
 
   void update(const v1::Job& job, const std::vector<v1::WatchJobResponse>& new_events) override {
     const std::lock_guard lock(mutex_);
     Row* row = const_cast<Row*>(row_of(job.job_id()));
-    if (row == nullptr) return;
+    if (row == nullptr || is_final(row->stored.job.state())) return;
     row->stored.job = job;
     row->events.insert(row->events.end(), new_events.begin(), new_events.end());
   }
@@ -47,14 +52,16 @@ class MemoryJobStore final : public JobStore {
     return result;
   }
 
-  JobPage list(int page_size, const std::string& token, const std::vector<int>& states) const override {
+  JobPage list(const JobQuery& query) const override {
     const std::lock_guard lock(mutex_);
     JobPage page;
-    auto row = token.empty() ? rows_.rbegin() : std::make_reverse_iterator(rows_.lower_bound(std::stoll(token)));
+    auto row = query.token.empty() ? rows_.rbegin() : std::make_reverse_iterator(rows_.lower_bound(std::stoll(query.token)));
     for (; row != rows_.rend(); ++row) {
       const v1::Job& job = row->second.stored.job;
-      if (!states.empty() && std::find(states.begin(), states.end(), job.state()) == states.end()) continue;
-      if (static_cast<int>(page.jobs.size()) == page_size) {
+      if (query.tenant && job.tenant() != *query.tenant) continue;
+      if (!query.states.empty() && std::find(query.states.begin(), query.states.end(), job.state()) == query.states.end()) continue;
+      if (!has_labels(job, query.labels)) continue;
+      if (static_cast<int>(page.jobs.size()) == query.page_size) {
         page.next_token = std::to_string(row->first + 1);
         break;
       }
@@ -67,16 +74,48 @@ class MemoryJobStore final : public JobStore {
     const std::lock_guard lock(mutex_);
     const auto found = order_of_.find(job_id);
     if (found == order_of_.end()) return;
-    by_request_.erase(rows_.at(found->second).stored.request.request_id());
+    const StoredJob& stored = rows_.at(found->second).stored;
+    by_request_.erase({stored.job.tenant(), stored.request.request_id()});
     rows_.erase(found->second);
     order_of_.erase(found);
   }
 
-  std::vector<StoredJob> all() const override {
+  std::vector<StoredJob> unfinished() const override {
     const std::lock_guard lock(mutex_);
     std::vector<StoredJob> result;
-    for (const auto& [order, row] : rows_) result.push_back(row.stored);
+    for (const auto& [order, row] : rows_)
+      if (!is_final(row.stored.job.state())) result.push_back(row.stored);
     return result;
+  }
+
+  std::vector<std::string> expired(std::int64_t now, int at_most) const override {
+    const std::lock_guard lock(mutex_);
+    std::vector<std::string> result;
+    for (const auto& [order, row] : rows_) {
+      const std::int64_t expiry = expiry_of(row.stored.job);
+      if (expiry != 0 && expiry < now && static_cast<int>(result.size()) < at_most) result.push_back(row.stored.job.job_id());
+    }
+    return result;
+  }
+
+  bool uses(const std::string& blob_id) const override {
+    const std::lock_guard lock(mutex_);
+    return std::any_of(rows_.begin(), rows_.end(), [&](const auto& row) {
+      const StoredJob& stored = row.second.stored;
+      const auto is_it = [&](const v1::Artifact& artifact) { return artifact.blob().blob_id() == blob_id; };
+      return stored.request.surface().blob_id() == blob_id || std::any_of(stored.job.artifacts().begin(), stored.job.artifacts().end(), is_it);
+    });
+  }
+
+  StoredUsage usage(const std::string& tenant) const override {
+    const std::lock_guard lock(mutex_);
+    StoredUsage usage;
+    for (const auto& [order, row] : rows_) {
+      if (row.stored.job.tenant() != tenant) continue;
+      ++usage.jobs;
+      usage.bytes += result_bytes(row.stored.job);
+    }
+    return usage;
   }
 
   std::int64_t count() const override {
@@ -85,6 +124,7 @@ class MemoryJobStore final : public JobStore {
   }
 
  private:
+  using RequestKey = std::pair<std::string, std::string>;  // tenant, id
   struct Row {
     StoredJob stored;
     std::vector<v1::WatchJobResponse> events;
@@ -98,7 +138,8 @@ class MemoryJobStore final : public JobStore {
   mutable std::mutex mutex_;
   std::int64_t last_order_ = 0;
   std::map<std::int64_t, Row> rows_;  // by order of creation
-  std::map<std::string, std::int64_t> order_of_, by_request_;
+  std::map<std::string, std::int64_t> order_of_;
+  std::map<RequestKey, std::int64_t> by_request_;
 };
 
 }  // namespace
@@ -110,6 +151,25 @@ v1::Job without_details(v1::Job job) {
   job.clear_stages();
   job.clear_adjustments();
   return job;
+}
+
+bool is_final(v1::JobState state) {
+  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED || state == v1::JOB_STATE_CANCELLED;
+}
+
+std::int64_t result_bytes(const v1::Job& job) {
+  std::int64_t bytes = 0;
+  for (const v1::Artifact& artifact : job.artifacts()) bytes += artifact.blob().size_bytes();
+  return bytes;
+}
+
+std::int64_t expiry_of(const v1::Job& job) { return job.expire_time().seconds(); }
+
+bool has_labels(const v1::Job& job, const std::vector<std::pair<std::string, std::string>>& labels) {
+  return std::all_of(labels.begin(), labels.end(), [&](const auto& label) {
+    const auto found = job.labels().find(label.first);
+    return found != job.labels().end() && found->second == label.second;
+  });
 }
 
 std::unique_ptr<JobStore> make_memory_job_store() { return std::make_unique<MemoryJobStore>(); }

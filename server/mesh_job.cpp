@@ -36,14 +36,14 @@ void write_artifact(const HexMesh& mesh, v1::OutputFormat format, v1::Artifact& 
 // Artifacts that are taken back unless all of them are there.
 class ArtifactSet {
  public:
-  explicit ArtifactSet(BlobStore& blobs) : blobs_(blobs) {}
+  ArtifactSet(BlobStore& blobs, std::string owner) : blobs_(blobs), owner_(std::move(owner)) {}
   ~ArtifactSet() {
     for (const v1::Artifact& artifact : artifacts_) blobs_.remove(artifact.blob().blob_id());
   }
   void add(const HexMesh& mesh, v1::OutputFormat format) {
     v1::Artifact artifact;
     artifact.set_format(format);
-    const auto writer = blobs_.create();
+    const auto writer = blobs_.create(owner_);
     write_artifact(mesh, format, artifact, *writer);
     const BlobInfo blob = writer->publish();
     artifact.mutable_blob()->set_blob_id(blob.id);
@@ -58,6 +58,7 @@ class ArtifactSet {
 
  private:
   BlobStore& blobs_;
+  const std::string owner_;
   std::vector<v1::Artifact> artifacts_;
 };
 
@@ -109,7 +110,7 @@ void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, 
   tell_quality(v1::STAGE_MEASURE_QUALITY, job.quality(), sink);
 
   context.begin(Stage::Write);
-  ArtifactSet artifacts(blobs);
+  ArtifactSet artifacts(blobs, order.owner);
   for (int i = 0; i < order.request.outputs_size(); ++i) {
     context.progress(static_cast<double>(i) / order.request.outputs_size(), outcome.quality.all.count);
     artifacts.add(outcome.mesh, order.request.outputs(i));

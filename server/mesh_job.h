@@ -15,6 +15,7 @@ struct JobOrder {
   std::string job_id;
   v1::CreateJobRequest request;  // surface by blob_id, specification typed
   int threads = 1;
+  std::string owner;  // of the results
 };
 
 // What happens on the way, without sequence: progress (at most 10 a second), stage_ended, estimate, quality, adjustment. Called from one

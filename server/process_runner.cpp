@@ -201,7 +201,7 @@ class Attempt {
   v1::Job adopt() {
     try {
       for (const v1::Artifact& artifact : result_->artifacts())
-        blobs_.adopt(folder_, {artifact.blob().blob_id(), artifact.blob().size_bytes(), artifact.blob().sha256()});
+        blobs_.adopt(folder_, {artifact.blob().blob_id(), artifact.blob().size_bytes(), artifact.blob().sha256(), task_.order.owner});
     } catch (const Refusal& refusal) {
       for (const v1::Artifact& artifact : result_->artifacts()) blobs_.remove(artifact.blob().blob_id());
       return failed_job(refusal.kind == Refused::ResourceExhausted ? 8 : 13, refusal.reason, refusal.what());

@@ -16,6 +16,8 @@ enum class Refused {
   Unavailable,
   OutOfRange,
   DataLoss,
+  Unauthenticated,
+  PermissionDenied,
 };
 
 class Refusal : public std::runtime_error {

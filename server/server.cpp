@@ -66,12 +66,12 @@ bool is_local(const std::string& address) {
   return host == "localhost" || host == "[::1]" || host.rfind("127.", 0) == 0;
 }
 
-Server::Server(const ServerOptions& options, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher)
+Server::Server(const ServerOptions& options, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher)
     : parts_(std::make_unique<Parts>()) {
   const bool tls = !options.tls.certificate.empty() || !options.tls.key.empty();
-  parts_->jobs = make_job_service(desk, blobs, mesher, options.limits);
-  parts_->blobs = make_blob_service(blobs, options.limits);
-  parts_->system = make_system_service(desk, options.limits);
+  parts_->jobs = make_job_service(gate, desk, blobs, mesher, options.limits);
+  parts_->blobs = make_blob_service(gate, blobs, options.limits);
+  parts_->system = make_system_service(gate, desk, options.limits);
 
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();

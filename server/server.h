@@ -26,7 +26,7 @@ struct ServerOptions {
 // Throws std::runtime_error with a sentence for the operator.
 class Server {
  public:
-  Server(const ServerOptions& options, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher);
+  Server(const ServerOptions& options, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher);
   ~Server();
 
   // The addresses clients can use; ports filled in.

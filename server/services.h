@@ -1,12 +1,14 @@
 // The gRPC services, each thin: decode, ask the desk or the store, encode.
 #pragma once
 
+#include <grpcpp/impl/codegen/server_context.h>
 #include <grpcpp/impl/codegen/service_type.h>
 
 #include <chrono>
 #include <memory>
 
 #include "server/blob_store.h"
+#include "server/gate.h"
 #include "server/job_desk.h"
 #include "server/mesher_door.h"
 
@@ -20,8 +22,12 @@ struct WireLimits {
 };
 
 // The references must outlive the services.
-std::unique_ptr<grpc::Service> make_blob_service(BlobStore& blobs, const WireLimits& limits);
-std::unique_ptr<grpc::Service> make_job_service(JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher, const WireLimits& limits);
-std::unique_ptr<grpc::Service> make_system_service(const JobDesk& desk, const WireLimits& limits);
+std::unique_ptr<grpc::Service> make_blob_service(Gate& gate, BlobStore& blobs, const WireLimits& limits);
+std::unique_ptr<grpc::Service> make_job_service(Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher,
+                                                const WireLimits& limits);
+std::unique_ptr<grpc::Service> make_system_service(Gate& gate, const JobDesk& desk, const WireLimits& limits);
+
+// What the call shows of its caller.
+Credentials credentials_of(const grpc::CallbackServerContext& context);
 
 }  // namespace strata::server

@@ -33,6 +33,8 @@ grpc::StatusCode code_of(Refused kind) {
     case Refused::Unavailable: return grpc::StatusCode::UNAVAILABLE;
     case Refused::OutOfRange: return grpc::StatusCode::OUT_OF_RANGE;
     case Refused::DataLoss: return grpc::StatusCode::DATA_LOSS;
+    case Refused::Unauthenticated: return grpc::StatusCode::UNAUTHENTICATED;
+    case Refused::PermissionDenied: return grpc::StatusCode::PERMISSION_DENIED;
   }
   return grpc::StatusCode::INTERNAL;
 }

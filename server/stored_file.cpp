@@ -101,7 +101,7 @@ class FileWriter final : public BlobWriter {
   BlobInfo publish() override {
     flush();
     file_.sync();
-    BlobInfo blob{id_, written_, sha_.finish()};
+    BlobInfo blob{id_, written_, sha_.finish(), {}};
     published_to_(path_, blob);
     published_ = true;
     return blob;

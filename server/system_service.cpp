@@ -7,6 +7,7 @@
 #include "core/base/stage.h"
 #include "server/convert.h"
 #include "server/services.h"
+#include "server/status.h"
 #include "strata/v1/system.grpc.pb.h"
 
 namespace strata::server {
@@ -23,11 +24,13 @@ std::int64_t resident_bytes() {
 
 class SystemService final : public v1::SystemService::CallbackService {
  public:
-  SystemService(const JobDesk& desk, const WireLimits& limits)
-      : desk_(desk), limits_(limits), started_(google::protobuf::util::TimeUtil::GetCurrentTime()) {}
+  SystemService(Gate& gate, const JobDesk& desk, const WireLimits& limits)
+      : gate_(gate), desk_(desk), limits_(limits), started_(google::protobuf::util::TimeUtil::GetCurrentTime()) {}
 
   grpc::ServerUnaryReactor* GetCapabilities(CallbackServerContext* context, const v1::GetCapabilitiesRequest*,
                                             v1::GetCapabilitiesResponse* response) override {
+    const grpc::Status status = may_ask(*context);
+    if (!status.ok()) return done(context, status);
     response->set_version(desk_.options().generator);
     response->add_api_versions("strata.v1");
     for (int f = v1::SurfaceFormat_MIN + 1; f <= v1::SurfaceFormat_MAX; ++f)
@@ -36,18 +39,22 @@ class SystemService final : public v1::SystemService::CallbackService {
     for (int s = 0; s < kStageCount; ++s) response->add_stages(to_wire(static_cast<Stage>(s)));
     v1::Limits& limits = *response->mutable_limits();
     limits.set_max_message_bytes(limits_.max_message_bytes);
-    limits.set_max_inline_surface_bytes(desk_.options().max_inline_surface_bytes);
+    limits.set_max_inline_surface_bytes(desk_.admission().max_inline_surface_bytes());
     limits.set_max_upload_bytes(limits_.max_upload_bytes);
     limits.set_max_frame_bytes(limits_.max_frame_bytes);
     limits.set_slots(desk_.slots());
     limits.set_threads_per_job(desk_.options().threads_per_job);
     limits.set_queue_capacity(desk_.options().queue_capacity);
+    limits.set_result_ttl_seconds(desk_.options().result_ttl_seconds);
+    limits.set_memory_budget_bytes(desk_.options().memory_budget_bytes);
     response->set_draining(desk_.draining());
-    return done(context);
+    return done(context, grpc::Status::OK);
   }
 
   grpc::ServerUnaryReactor* GetServerStatus(CallbackServerContext* context, const v1::GetServerStatusRequest*,
                                             v1::GetServerStatusResponse* response) override {
+    const grpc::Status status = may_ask(*context);
+    if (!status.ok()) return done(context, status);
     const JobDesk::Load load = desk_.load();
     *response->mutable_start_time() = started_;
     response->set_running_jobs(load.running);
@@ -55,16 +62,21 @@ class SystemService final : public v1::SystemService::CallbackService {
     response->set_jobs_total(load.total);
     response->set_resident_memory_bytes(resident_bytes());
     response->set_draining(desk_.draining());
-    return done(context);
+    return done(context, grpc::Status::OK);
   }
 
  private:
-  static grpc::ServerUnaryReactor* done(CallbackServerContext* context) {
+  [[nodiscard]] grpc::Status may_ask(const CallbackServerContext& context) const {
+    return status_of([&] { gate_.admit(credentials_of(context), Role::Viewer, CallKind::Plain); });
+  }
+
+  static grpc::ServerUnaryReactor* done(CallbackServerContext* context, const grpc::Status& status) {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    reactor->Finish(grpc::Status::OK);
+    reactor->Finish(status);
     return reactor;
   }
 
+  Gate& gate_;
   const JobDesk& desk_;
   const WireLimits limits_;
   const google::protobuf::Timestamp started_;
@@ -72,8 +84,8 @@ class SystemService final : public v1::SystemService::CallbackService {
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> make_system_service(const JobDesk& desk, const WireLimits& limits) {
-  return std::make_unique<SystemService>(desk, limits);
+std::unique_ptr<grpc::Service> make_system_service(Gate& gate, const JobDesk& desk, const WireLimits& limits) {
+  return std::make_unique<SystemService>(gate, desk, limits);
 }
 
 }  // namespace strata::server

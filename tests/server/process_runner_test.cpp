@@ -51,7 +51,7 @@ class ProcessRunner : public testing::Test {
   }
 
   std::string start(const std::string& fault) {
-    const auto writer = blobs_->create();
+    const auto writer = blobs_->create("");
     writer->write("solid " + fault +
                   "\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n");
     JobOrder order;

@@ -30,7 +30,8 @@ void ServerFixture::start(TestOptions options) {
   ServerOptions wire;
   wire.listen = {"unix:" + folder_ + "/socket"};
   wire.limits = options.limits;
-  server_ = std::make_unique<Server>(wire, *desk_, *blobs_, mesher_.door());
+  gate_ = std::make_unique<Gate>(options.auth_file);
+  server_ = std::make_unique<Server>(wire, *gate_, *desk_, *blobs_, mesher_.door());
   channel_ = grpc::CreateChannel(server_->addresses().front(), grpc::InsecureChannelCredentials());
   job_stub_ = v1::JobService::NewStub(channel_);
   blob_stub_ = v1::BlobService::NewStub(channel_);

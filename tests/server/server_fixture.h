@@ -22,6 +22,7 @@ struct TestOptions {
   int slots = 1;
   DeskOptions desk;
   WireLimits limits;
+  std::string auth_file;
 };
 
 class ServerFixture : public testing::Test {
@@ -44,6 +45,7 @@ class ServerFixture : public testing::Test {
   MemoryLedger memory_{std::int64_t{1} << 30};
   std::unique_ptr<JobRunner> runner_;
   std::unique_ptr<JobDesk> desk_;
+  std::unique_ptr<Gate> gate_;
   std::unique_ptr<Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::JobService::Stub> job_stub_;

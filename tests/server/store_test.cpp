@@ -68,22 +68,22 @@ TEST(BlobStore, KeepsWhatWasPublishedAcrossRestartAndNothingElse) {
   BlobInfo blob;
   {
     const auto store = open_file_blob_store(folder.path());
-    const auto writer = store->create();
+    const auto writer = store->create("");
     writer->write("ab");
     writer->write(text);
     writer->write("yz");
     blob = writer->publish();
-    store->create()->write("dropped");
+    store->create("")->write("dropped");
   }
   const auto store = open_file_blob_store(folder.path());
   EXPECT_EQ(blob.size, 3'000'004);
   EXPECT_EQ(blob.sha256, digest("ab" + text + "yz"));
   EXPECT_EQ(text_of(*store, blob.id), "ab" + text + "yz");
-  EXPECT_EQ(store->find_digest(blob.sha256)->id, blob.id);
+  EXPECT_EQ(store->find_digest(blob.sha256, "")->id, blob.id);
   EXPECT_TRUE(fs::is_empty(folder.path() + "/temporary"));
   store->remove(blob.id);
   EXPECT_FALSE(store->find(blob.id));
-  EXPECT_FALSE(store->find_digest(blob.sha256));
+  EXPECT_FALSE(store->find_digest(blob.sha256, ""));
   EXPECT_EQ(reason_of([&] { store->open(blob.id); }), "BLOB_NOT_FOUND");
 }
 
@@ -92,7 +92,7 @@ TEST(BlobStore, UploadResumesAcrossRestartAtTheCommittedOffset) {
   std::string id;
   {
     const auto store = open_file_blob_store(folder.path());
-    id = store->start_upload(10, digest("0123456789")).id;
+    id = store->start_upload(10, digest("0123456789"), "").id;
     store->write_upload(id, 0, "0123");
     EXPECT_EQ(store->find_upload(id)->committed, 0);
     EXPECT_EQ(store->commit_upload(id).committed, 4);
@@ -108,7 +108,7 @@ TEST(BlobStore, UploadResumesAcrossRestartAtTheCommittedOffset) {
 TEST(BlobStore, UploadRefusesGapsOverlapsTooMuchAndAWrongDigest) {
   const Folder folder;
   const auto store = open_file_blob_store(folder.path());
-  const std::string id = store->start_upload(4, digest("good")).id;
+  const std::string id = store->start_upload(4, digest("good"), "").id;
   EXPECT_EQ(reason_of([&] { store->write_upload(id, 1, "x"); }), "OFFSET_MISMATCH");
   EXPECT_EQ(reason_of([&] { store->write_upload(id, 0, "toolong"); }), "UPLOAD_TOO_LONG");
   EXPECT_EQ(reason_of([&] { store->write_upload(random_id(), 0, "x"); }), "UPLOAD_NOT_FOUND");
@@ -143,20 +143,20 @@ class JobStores : public testing::TestWithParam<bool> {
 TEST_P(JobStores, FindByIdAndByRequest) {
   const auto store = open();
   const StoredJob one = stored("r1"), two = stored();
-  store->insert(one, event(1));
-  store->insert(two, event(1));
+  EXPECT_TRUE(store->insert(one, event(1)));
+  EXPECT_TRUE(store->insert(two, event(1)));
   EXPECT_EQ(store->count(), 2);
-  EXPECT_EQ(store->find_request("r1")->job.job_id(), one.job.job_id());
-  EXPECT_FALSE(store->find_request("r2"));
+  EXPECT_EQ(store->find_request("", "r1")->job.job_id(), one.job.job_id());
+  EXPECT_FALSE(store->find_request("", "r2"));
   EXPECT_EQ(store->find(two.job.job_id())->fingerprint, "print");
   EXPECT_FALSE(store->find(random_id()));
-  EXPECT_EQ(store->all().front().job.job_id(), one.job.job_id());
+  EXPECT_EQ(store->unfinished().front().job.job_id(), one.job.job_id());
 }
 
 TEST_P(JobStores, EventsFollowASequence) {
   const auto store = open();
   StoredJob job = stored();
-  store->insert(job, event(1));
+  EXPECT_TRUE(store->insert(job, event(1)));
   job.job.set_state(v1::JOB_STATE_RUNNING);
   store->update(job.job, {event(2), event(5)});
   EXPECT_EQ(store->find(job.job.job_id())->job.state(), v1::JOB_STATE_RUNNING);
@@ -171,13 +171,13 @@ TEST_P(JobStores, ListIsPagedNewestFirstWithoutDetails) {
   for (int i = 0; i < 5; ++i) {
     StoredJob job = stored();
     if (i == 2) job.job.set_state(v1::JOB_STATE_FAILED);
-    store->insert(job, event(1));
+    EXPECT_TRUE(store->insert(job, event(1)));
     ids.insert(ids.begin(), job.job.job_id());
   }
   std::vector<std::string> seen;
   std::string token;
   do {
-    const JobPage page = store->list(2, token, {});
+    const JobPage page = store->list({.tenant = {}, .page_size = 2, .token = token, .states = {}, .labels = {}});
     for (const v1::Job& job : page.jobs) {
       seen.push_back(job.job_id());
       EXPECT_FALSE(job.has_quality());
@@ -185,17 +185,17 @@ TEST_P(JobStores, ListIsPagedNewestFirstWithoutDetails) {
     token = page.next_token;
   } while (!token.empty());
   EXPECT_EQ(seen, ids);
-  EXPECT_EQ(store->list(10, "", {v1::JOB_STATE_FAILED}).jobs.size(), 1u);
+  EXPECT_EQ(store->list({.tenant = {}, .page_size = 10, .token = "", .states = {v1::JOB_STATE_FAILED}, .labels = {}}).jobs.size(), 1u);
 }
 
 TEST_P(JobStores, RemovedJobsAreGoneAndUpdatesToThemDoNothing) {
   const auto store = open();
   const StoredJob job = stored("r");
-  store->insert(job, event(1));
+  EXPECT_TRUE(store->insert(job, event(1)));
   store->remove(job.job.job_id());
   store->update(job.job, {event(2)});
   EXPECT_FALSE(store->find(job.job.job_id()));
-  EXPECT_FALSE(store->find_request("r"));
+  EXPECT_FALSE(store->find_request("", "r"));
   EXPECT_TRUE(store->events(job.job.job_id(), 0).empty());
   EXPECT_EQ(store->count(), 0);
 }
@@ -206,7 +206,7 @@ TEST(SqliteJobStore, RemembersAcrossRestart) {
   const Folder folder;
   StoredJob job;
   job.job.set_job_id(random_id());
-  open_job_store(folder.path())->insert(job, {});
+  EXPECT_TRUE(open_job_store(folder.path())->insert(job, {}));
   EXPECT_TRUE(open_job_store(folder.path())->find(job.job.job_id()));
 }
 
