@@ -87,8 +87,9 @@ class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
 class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
  public:
   ReadCall(Gate& gate, const CallbackServerContext& context, const BlobStore& blobs, const v1::ReadBlobRequest& request) {
-    const grpc::Status status =
-        status_of([&] { open(blobs, blob_of(gate.admit(credentials_of(context), Role::Viewer, CallKind::Plain), blobs, request.blob_id()), request); });
+    const grpc::Status status = status_of([&] {
+      open(blobs, blob_of(gate.admit(credentials_of(context), Role::Viewer, CallKind::Plain), blobs, request.blob_id()), request);
+    });
     if (status.ok()) StartWrite(&response_);
     else Finish(status);
   }

@@ -114,7 +114,8 @@ void add_flags(CLI::App& app, Config& config) {
       "STRATAD_TLS_CLIENT_CA");
   env(app.add_option("--auth", config.auth_file, "File that says who may do what (YAML, docs/deploy.md); empty: everybody everything"),
       "STRATAD_AUTH");
-  env(app.add_option("--result-ttl", config.desk.result_ttl_seconds, "How long ended jobs and their results stay, such as 7d; 0: until deleted")
+  env(app.add_option("--result-ttl", config.desk.result_ttl_seconds,
+                     "How long ended jobs and their results stay, such as 7d; 0: until deleted")
           ->transform(CLI::AsNumberWithUnit(kTimeUnits, CLI::AsNumberWithUnit::CASE_SENSITIVE, "DURATION")),
       "STRATAD_RESULT_TTL");
   env(app.add_option("--surface-ttl", config.desk.surface_ttl_seconds, "How long surfaces stay that no job uses; 0: for ever")

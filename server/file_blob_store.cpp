@@ -219,7 +219,7 @@ class FileBlobStore final : public BlobStore {
 
   // Of a file that is gone: long ago.
   static std::chrono::system_clock::time_point last_change(const std::string& path) {
-    struct stat status {};
+    struct stat status{};
     if (::stat(path.c_str(), &status) != 0) return {};
     return std::chrono::system_clock::from_time_t(status.st_mtime);
   }
@@ -324,9 +324,7 @@ std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob) {
   return bytes;
 }
 
-bool sees_blob(const Caller& caller, const BlobInfo& blob) {
-  return caller.role == Role::Admin || blob.owner == owner_key(caller.tenant);
-}
+bool sees_blob(const Caller& caller, const BlobInfo& blob) { return caller.role == Role::Admin || blob.owner == owner_key(caller.tenant); }
 
 std::string owner_key(std::string_view tenant) {
   if (tenant.empty()) return {};

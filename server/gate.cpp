@@ -34,7 +34,7 @@ std::string text_of(const std::string& path) {
 
 // Changes whenever the file does.
 std::string stamp_of(const std::string& path) {
-  struct stat status {};
+  struct stat status{};
   if (stat(path.c_str(), &status) != 0) return "gone";
   return std::to_string(status.st_ino) + " " + std::to_string(status.st_size) + " " + std::to_string(status.st_mtim.tv_sec) + "." +
          std::to_string(status.st_mtim.tv_nsec);

@@ -64,7 +64,7 @@ struct TokenClaims {
 };
 struct TokenRules {
   std::vector<std::string> keys;
-  std::string issuer, audience;                       // empty: not looked at
+  std::string issuer, audience;  // empty: not looked at
   std::string tenant_claim = "tenant", role_claim = "role";
 };
 // Throws Refusal UNAUTHENTICATED. `now`: seconds since 1970.

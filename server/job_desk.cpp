@@ -196,8 +196,9 @@ bool JobDesk::resume(const Lock& lock, StoredJob stored) {
   const bool deadly = options_.max_starts > 0 && job.attempt() >= options_.max_starts;
   job.set_last_sequence(job.last_sequence() + kSequenceGap);
   if (deadly) {
-    job = ended(*live, ended_badly(v1::JOB_STATE_FAILED, error_of(13, "POISON_JOB", "the server ended " + std::to_string(job.attempt()) +
-                                                                                          " times while it ran this job")));
+    job = ended(*live, ended_badly(v1::JOB_STATE_FAILED,
+                                   error_of(13, "POISON_JOB",
+                                            "the server ended " + std::to_string(job.attempt()) + " times while it ran this job")));
     v1::WatchJobResponse event;
     event.mutable_state_changed()->set_state(job.state());
     jobs_.update(job, {log(lock, *live, std::move(event))});
@@ -432,8 +433,7 @@ JobPage JobDesk::list(const Caller& caller, const v1::ListJobsRequest& request) 
   JobPage page = jobs_.list(query);
   const Lock lock(mutex_);
   for (v1::Job& job : page.jobs)
-    if (const auto found = live_.find(job.job_id()); found != live_.end())
-      job = without_details(found->second->stored.job);
+    if (const auto found = live_.find(job.job_id()); found != live_.end()) job = without_details(found->second->stored.job);
   return page;
 }
 

@@ -26,7 +26,8 @@ FeedOptions feed_options(const v1::WatchJobRequest& request) {
   if (request.after_sequence() < 0) throw invalid_field("after_sequence", "must not be negative");
   options.after_sequence = request.after_sequence();
   if (request.heartbeat_seconds() != 0) {
-    if (!(request.heartbeat_seconds() >= 1 && request.heartbeat_seconds() <= 60)) throw invalid_field("heartbeat_seconds", "must be 1 to 60");
+    if (!(request.heartbeat_seconds() >= 1 && request.heartbeat_seconds() <= 60))
+      throw invalid_field("heartbeat_seconds", "must be 1 to 60");
     options.heartbeat = std::chrono::duration<double>(request.heartbeat_seconds());
   }
   if (request.min_interval_seconds() != 0) {
@@ -145,8 +146,7 @@ class GenerateCall final
   static GenerateCall* begin(Gate& gate, const CallbackServerContext& context, JobDesk& desk, BlobStore& blobs, const WireLimits& limits) {
     const auto call = std::make_shared<GenerateCall>(desk, blobs, limits);
     call->own_itself();
-    const grpc::Status status =
-        status_of([&] { call->caller_ = gate.admit(credentials_of(context), Role::Submitter, CallKind::Submit); });
+    const grpc::Status status = status_of([&] { call->caller_ = gate.admit(credentials_of(context), Role::Submitter, CallKind::Submit); });
     if (status.ok()) call->StartRead(&call->request_);
     else call->fail(status);
     return call.get();

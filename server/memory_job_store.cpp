@@ -1,6 +1,6 @@
 #include <algorithm>
-#include <map>
 #include <iterator>
+#include <map>
 #include <mutex>
 #include <utility>
 
@@ -103,7 +103,8 @@ class MemoryJobStore final : public JobStore {
     return std::any_of(rows_.begin(), rows_.end(), [&](const auto& row) {
       const StoredJob& stored = row.second.stored;
       const auto is_it = [&](const v1::Artifact& artifact) { return artifact.blob().blob_id() == blob_id; };
-      return stored.request.surface().blob_id() == blob_id || std::any_of(stored.job.artifacts().begin(), stored.job.artifacts().end(), is_it);
+      return stored.request.surface().blob_id() == blob_id ||
+             std::any_of(stored.job.artifacts().begin(), stored.job.artifacts().end(), is_it);
     });
   }
 

@@ -323,7 +323,8 @@ class SqliteJobStore final : public JobStore {
 
   void remove(const std::string& job_id) override {
     writes_.run([&] {
-      for (const char* sql : {"DELETE FROM event WHERE job_id = ?", "DELETE FROM blob_use WHERE job_id = ?", "DELETE FROM job WHERE id = ?"})
+      for (const char* sql :
+           {"DELETE FROM event WHERE job_id = ?", "DELETE FROM blob_use WHERE job_id = ?", "DELETE FROM job WHERE id = ?"})
         Statement(writer_.get(), sql).text(job_id).step();
     });
   }

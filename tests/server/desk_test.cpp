@@ -1,0 +1,138 @@
+// What the desk remembers, forgets and survives.
+#include <google/protobuf/util/time_util.h>
+
+#include <filesystem>
+#include <thread>
+
+#include "server/ids.h"
+#include "tests/server/server_fixture.h"
+
+namespace strata::server {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Desk : public ServerFixture {
+ protected:
+  static bool within(std::chrono::seconds limit, const std::function<bool()>& holds) {
+    for (const auto until = std::chrono::steady_clock::now() + limit; std::chrono::steady_clock::now() < until;
+         std::this_thread::sleep_for(10ms))
+      if (holds()) return true;
+    return holds();
+  }
+  [[nodiscard]] bool exists(const std::string& id) const { return jobs_->find(id).has_value(); }
+};
+
+TEST_F(Desk, ForgetsJobsAndResultsAfterTheirTime) {
+  std::atomic<std::int64_t> now = 1'000'000;
+  TestOptions options;
+  options.desk.result_ttl_seconds = 100;
+  options.desk.wall_clock = [&] { return now.load(); };
+  start(options);
+  v1::CreateJobRequest brief = tetrahedron_job();
+  brief.set_result_ttl_seconds(10);
+  v1::CreateJobRequest greedy = tetrahedron_job();
+  greedy.set_result_ttl_seconds(1e9);
+  const v1::Job first = wait_final(create(brief).job_id());
+  const v1::Job second = wait_final(create(greedy).job_id());
+  EXPECT_EQ(first.expire_time().seconds(), now + 10);
+  EXPECT_EQ(second.expire_time().seconds(), now + 100) << "no longer than the server gives";
+  now += 50;
+  EXPECT_TRUE(within(12s, [&] { return !exists(first.job_id()); }));
+  EXPECT_TRUE(exists(second.job_id()));
+  EXPECT_FALSE(blobs_->find(first.artifacts(0).blob().blob_id()));
+  EXPECT_TRUE(blobs_->find(second.artifacts(0).blob().blob_id()));
+}
+
+TEST_F(Desk, ForgetsNothingWhenTheClockJumps) {
+  std::atomic<std::int64_t> now = 1'000'000;
+  TestOptions options;
+  options.desk.result_ttl_seconds = 100;
+  options.desk.wall_clock = [&] { return now.load(); };
+  start(options);
+  const v1::Job job = wait_final(create(tetrahedron_job()).job_id());
+  std::this_thread::sleep_for(200ms);  // the sweep has seen the clock as it was
+  now += 10LL * 365 * 86400;
+  std::this_thread::sleep_for(6s);
+  EXPECT_TRUE(exists(job.job_id()));
+}
+
+TEST_F(Desk, AFullDiskRefusesNewJobsAndSaysWhy) {
+  TestOptions options;
+  options.desk.disk_reserve_bytes = std::int64_t{1} << 60;
+  start(options);
+  grpc::ClientContext context;
+  v1::CreateJobResponse response;
+  const grpc::Status status = job_stub_->CreateJob(&context, tetrahedron_job(), &response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(reason_of(status), "STORAGE_FULL");
+  EXPECT_GT(retry_of(status), 0);
+}
+
+TEST_F(Desk, AJobThatWouldNeedMoreMemoryThanThereIsFailsBeforeItIsMeshed) {
+  start();
+  mesher_.needed_memory = std::int64_t{1} << 40;
+  const v1::Job job = wait_final(create(tetrahedron_job()).job_id());
+  EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(job.error().reason(), "MEMORY_BUDGET_EXCEEDED");
+  EXPECT_EQ(job.error().code(), 8);
+}
+
+TEST_F(Desk, UrgentJobsOvertake) {
+  TestOptions options;
+  start(options);
+  mesher_.hold();
+  const std::string running = create(tetrahedron_job()).job_id();
+  ASSERT_TRUE(within(5s, [&] { return desk_->load().running == 1; }));
+  const std::string later = create(tetrahedron_job()).job_id();
+  v1::CreateJobRequest urgent = tetrahedron_job();
+  urgent.set_priority(5);
+  const std::string first = create(urgent).job_id();
+  EXPECT_EQ(get(first).queue_position(), 0);
+  EXPECT_EQ(get(later).queue_position(), 1);
+  mesher_.release();
+  const auto started = [&](const std::string& id) {
+    return google::protobuf::util::TimeUtil::TimestampToNanoseconds(wait_final(id).start_time());
+  };
+  EXPECT_LT(started(first), started(later));
+}
+
+// The same store under a new desk, as after a crash.
+TEST_F(Desk, UnfinishedJobsGoOnUnderANewDeskWithGrowingSequences) {
+  start();
+  mesher_.hold();
+  const std::string id = create(tetrahedron_job()).job_id();
+  const std::string waiting = create(tetrahedron_job()).job_id();
+  ASSERT_TRUE(within(5s, [&] { return get(id).state() == v1::JOB_STATE_RUNNING; }));
+  std::this_thread::sleep_for(1500ms);  // until the start is saved
+  const std::int64_t before = get(id).last_sequence();
+  server_.reset();
+  desk_.reset();  // interrupts: the job stays RUNNING in the store
+  ASSERT_EQ(jobs_->find(id)->job.state(), v1::JOB_STATE_RUNNING);
+  mesher_.release();
+  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, mesher_.door(), DeskOptions{});
+  EXPECT_TRUE(within(10s, [&] { return desk_->get(Caller{}, id).state() == v1::JOB_STATE_SUCCEEDED; }));
+  EXPECT_TRUE(within(10s, [&] { return desk_->get(Caller{}, waiting).state() == v1::JOB_STATE_SUCCEEDED; }));
+  EXPECT_GT(desk_->get(Caller{}, id).last_sequence(), before);
+  EXPECT_EQ(desk_->get(Caller{}, id).attempt(), 2);
+}
+
+TEST_F(Desk, AJobThatEndsTheServerEachTimeIsNotStartedForEver) {
+  start();
+  StoredJob poison;
+  poison.job.set_job_id(random_id());
+  poison.job.set_state(v1::JOB_STATE_RUNNING);
+  poison.job.set_attempt(10);
+  ASSERT_TRUE(jobs_->insert(poison, {}));
+  server_.reset();
+  desk_.reset();
+  DeskOptions options;
+  options.max_starts = 10;
+  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, mesher_.door(), options);
+  const v1::Job job = desk_->get(Caller{}, poison.job.job_id());
+  EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(job.error().reason(), "POISON_JOB");
+}
+
+}  // namespace
+}  // namespace strata::server
