@@ -1,8 +1,8 @@
 #include "server/event_feed.h"
 
-#include <google/protobuf/util/time_util.h>
-
 #include <utility>
+
+#include "server/timestamps.h"
 
 namespace strata::server {
 
@@ -15,7 +15,7 @@ std::optional<v1::WatchJobResponse> EventFeed::next() {
   const auto give = [&] {
     last_given_ = now;
     if (message.sequence() > 0) seen_ = message.sequence();
-    if (!message.has_time()) *message.mutable_time() = google::protobuf::util::TimeUtil::GetCurrentTime();
+    if (!message.has_time()) *message.mutable_time() = timestamp_now();
     return std::optional(std::move(message));
   };
 

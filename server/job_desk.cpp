@@ -1,6 +1,5 @@
 #include "server/job_desk.h"
 
-#include <google/protobuf/util/time_util.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -9,6 +8,7 @@
 
 #include "server/ids.h"
 #include "server/refusal.h"
+#include "server/timestamps.h"
 
 namespace strata::server {
 namespace {
@@ -19,8 +19,6 @@ constexpr int kMaxPage = 1000;
 constexpr double kRetrySeconds = 5;             // when nothing better is known
 constexpr double kLearning = 0.2;               // share of the newest job in what is typical
 constexpr std::int64_t kSequenceGap = 1'000'000;  // numbers that a run lost by a crash may have given to events nobody saved
-
-google::protobuf::Timestamp now() { return google::protobuf::util::TimeUtil::GetCurrentTime(); }
 
 double steady_seconds(std::chrono::steady_clock::time_point at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
 
@@ -150,7 +148,7 @@ JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const std::string&
   job.set_display_name(request.display_name());
   *job.mutable_labels() = request.labels();
   job.set_priority(request.priority());
-  *job.mutable_create_time() = now();
+  *job.mutable_create_time() = timestamp_now();
   *job.mutable_spec() = request.spec();
   job.set_generator(options_.generator);
   const std::string surface = request.surface().blob_id();
@@ -243,7 +241,7 @@ void JobDesk::start(const Lock& lock, Live& live) {
   job.set_state(v1::JOB_STATE_RUNNING);
   job.set_threads(threads);
   job.set_attempt(job.attempt() + 1);
-  *job.mutable_start_time() = now();
+  *job.mutable_start_time() = timestamp_now();
   live.started = Clock::now();
   job.mutable_usage()->set_queue_seconds(std::chrono::duration<double>(live.started - live.created).count());
   v1::WatchJobResponse running;
@@ -262,7 +260,7 @@ v1::WatchJobResponse& JobDesk::log(const Lock&, Live& live, v1::WatchJobResponse
   v1::Job& job = live.stored.job;
   job.set_last_sequence(job.last_sequence() + 1);
   event.set_sequence(job.last_sequence());
-  *event.mutable_time() = now();
+  *event.mutable_time() = timestamp_now();
   if (event.has_progress()) {
     *job.mutable_progress() = event.progress();
     return live.progress.emplace(std::move(event));
@@ -340,7 +338,7 @@ v1::Job JobDesk::ended(const Live& live, v1::Job result) const {
   job.MergeFrom(result);
   job.mutable_usage()->set_queue_seconds(queued);
   job.set_cancel_requested(false);
-  *job.mutable_end_time() = now();
+  *job.mutable_end_time() = timestamp_now();
   const double asked = live.stored.request.result_ttl_seconds(), most = options_.result_ttl_seconds;
   const double ttl = asked > 0 && (most == 0 || asked < most) ? asked : most;
   if (ttl > 0) job.mutable_expire_time()->set_seconds(wall_seconds() + static_cast<std::int64_t>(std::ceil(ttl)));
