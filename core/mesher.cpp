@@ -3,14 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <string>
 #include <utility>
 
 #include "core/buffer/wrap.h"
 #include "core/carve/carve.h"
 #include "core/dual/dual.h"
+#include "core/estimate.h"
 #include "core/features/features.h"
 #include "core/fit/fit.h"
+#include "core/ladder.h"
 #include "core/layers/grow_layers.h"
 #include "core/octree/octree.h"
 #include "core/optimise/ground.h"
@@ -19,6 +21,7 @@
 #include "core/sizing/size_field.h"
 #include "core/surface/locator.h"
 #include "core/surface/surface.h"
+#include "core/wishes.h"
 
 namespace strata {
 namespace {
@@ -26,64 +29,10 @@ namespace {
 // The rung is fit_relaxed when more than this share of the boundary vertices stay off the surface by over a quarter of the local edge;
 // fewer are an adjustment only.
 constexpr double kRelaxedShare = 1e-3;
-constexpr double kDefaultCellsAcross = 16;  // default bound for cells: longest side of the bounding box over this
-
-// Figures of the estimate, measured on the benchmark cases (docs/performance.md).
-constexpr double kMeshedShareOfDual = 0.42;      // dual hexes that end inside the volume
-constexpr double kBytesPerHex = 1200;            // peak of the whole process
-constexpr double kCpuSecondsPerHex = 40e-6;
+constexpr int kFacesOfHex = 6;
+constexpr int kFinerTries = 3;  // cells are halved so often, where the volume is thinner than they are
 
 [[noreturn]] void refuse(Diagnostic diagnostic) { throw MeshError(Failure::InvalidInput, std::move(diagnostic)); }
-
-// The specification with its lengths and places in the working frame.
-MeshSpec in_working_frame(MeshSpec spec, const Frame& frame) {
-  const auto scale = [&](std::optional<double>& length) {
-    if (length) *length *= frame.scale;
-  };
-  for (Vec3& p : spec.volume.points) p = frame.to_work(p);
-  scale(spec.sizing.max_size);
-  scale(spec.sizing.min_size);
-  for (PatchSize& s : spec.sizing.patches) s.size *= frame.scale;
-  for (BoxSize& b : spec.sizing.boxes) b = {frame.to_work(b.min), frame.to_work(b.max), b.size * frame.scale};
-  for (SphereSize& s : spec.sizing.spheres) s = {frame.to_work(s.centre), s.radius * frame.scale, s.size * frame.scale};
-  for (CylinderSize& c : spec.sizing.cylinders)
-    c = {frame.to_work(c.from), frame.to_work(c.to), c.radius * frame.scale, c.size * frame.scale};
-  for (LayerSpec& l : spec.layers) {
-    if (l.relative) continue;
-    scale(l.first_height);
-    scale(l.last_height);
-    scale(l.total_thickness);
-  }
-  return spec;
-}
-
-SizeOptions size_options(const MeshSpec& spec, const Surface& surface) {
-  SizeOptions options;
-  options.max_size = spec.sizing.max_size.value_or(surface.box.extent().maxCoeff() / kDefaultCellsAcross);
-  options.min_size = spec.sizing.min_size.value_or(0);
-  options.patch_size.assign(surface.patch_names.size(), std::numeric_limits<double>::infinity());
-  for (PatchId p : surface.patch_names.ids())
-    for (const PatchSize& entry : spec.sizing.patches) {
-      const auto names_it = [&](const std::string& pattern) { return matches(pattern, surface.patch_names[p]); };
-      if (std::none_of(entry.patches.begin(), entry.patches.end(), names_it)) continue;
-      options.patch_size[p] = entry.size;
-      break;  // the first entry that matches rules
-    }
-  options.curvature = spec.sizing.curvature.value_or(0);
-  options.gap_cells = spec.sizing.gap_cells.value_or(0);
-  for (const BoxSize& b : spec.sizing.boxes) options.sources.push_back({SizeSource::Shape::Box, b.min, b.max, 0, b.size});
-  for (const SphereSize& s : spec.sizing.spheres)
-    options.sources.push_back({SizeSource::Shape::Sphere, s.centre, s.centre, s.radius, s.size});
-  for (const CylinderSize& c : spec.sizing.cylinders)
-    options.sources.push_back({SizeSource::Shape::Cylinder, c.from, c.to, c.radius, c.size});
-  return options;
-}
-
-OctreeOptions octree_options(const MeshSpec& spec) {
-  OctreeOptions options;
-  options.max_cells = spec.sizing.max_cells.value_or(0);
-  return options;
-}
 
 void refuse_what_check_finds(const MeshSpec& spec, const Surface& surface) {
   for (Diagnostic& finding : check(spec, surface.patch_names.values()))
@@ -104,6 +53,77 @@ void report_relaxed(const FitResult& fit, Rung& rung, Context& context) {
                        std::to_string(fit.worst_off) + " of the local edge at most), because hexes would invert; refine there";
   context.adjusted(std::move(diagnostic));
   if (static_cast<double>(fit.far) > kRelaxedShare * static_cast<double>(fit.held)) fall_to(rung, Rung::FitRelaxed);
+}
+
+// Cells of the surface half as large.
+void halve(SizeField& sizes) {
+  for (double& size : sizes.at_triangle) size = 0.5 * std::max(std::min(size, sizes.max_size), sizes.min_size);
+  sizes.min_size = std::min(sizes.min_size, 0.5 * sizes.max_size);
+  for (const double size : sizes.at_triangle) sizes.min_size = std::min(sizes.min_size, size);
+}
+
+void report_halved(int times, Context& context) {
+  if (times == 0) return;
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::SizeRefined;
+  diagnostic.severity = Severity::Warning;
+  diagnostic.values = {{"factor", std::ldexp(1.0, -times)}};
+  diagnostic.message =
+      "the enclosed volume is thinner than the cells asked for: cells at the surface are " + std::to_string(1 << times) + " times smaller";
+  context.adjusted(std::move(diagnostic));
+}
+
+// From sizes to the hexes to keep. Where none fits into the volume, smaller cells are tried.
+HexMesh carve_cells(const Surface& surface, SizeField sizes, const MeshSpec& spec, const Observer& observer, std::int64_t triangles,
+                    Context& context) {
+  const Locator locator(surface);
+  for (int halved = 0;; ++halved) {
+    context.begin(Stage::RefineOctree);
+    Octree octree = refine_octree(surface, sizes, octree_options(spec), context);
+    if (observer.on_estimate) observer.on_estimate(estimate_of(triangles, octree, spec));
+
+    context.begin(Stage::Dualize);
+    Dual dual = dualize(std::move(octree), context);
+
+    context.begin(Stage::Carve);
+    try {
+      HexMesh mesh = carve(std::move(dual), surface, locator, {.volume = spec.volume}, context);
+      require(mesh, {.quads_per_hex = kFacesOfHex, .labelled = false});
+      report_halved(halved, context);
+      return mesh;
+    } catch (const MeshError& error) {
+      if (error.diagnostic().reason != Reason::RegionTooThin || halved == kFinerTries) throw;
+    }
+    halve(sizes);
+  }
+}
+
+// What the stages from the fit on share.
+struct Run {
+  const Surface& surface;
+  const Ground& ground;
+  const Observer& observer;
+  Context& context;
+  Rung& rung;
+};
+
+// Tells the quality of a mesh that is still in the working frame.
+void tell_quality(Stage stage, const HexMesh& mesh, const Run& run) {
+  if (!run.observer.on_quality) return;
+  Quality quality = measure_quality(mesh, run.surface.patch_names, run.context);
+  const double length = 1 / run.surface.frame.scale;
+  for (RegionStatistics& region : quality.regions) region.volume *= length * length * length;
+  for (PatchStatistics& patch : quality.patches) patch.area *= length * length;
+  run.observer.on_quality(stage, quality);
+}
+
+constexpr Promises kUnfitted{.labelled = false, .positive = false};
+
+[[noreturn]] void refuse_staircase() {
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::LayersDropped;
+  diagnostic.message = "they grow on a mesh that follows the surface only";
+  throw MeshError(Failure::Internal, std::move(diagnostic));
 }
 
 [[noreturn]] void give_up(const HexMesh& mesh, std::int64_t bad) {
@@ -136,33 +156,75 @@ HexMesh fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& 
   return std::move(fitted.mesh);
 }
 
-Estimate estimate_of(std::int64_t triangles, const Octree& octree, const MeshSpec& spec) {
-  Estimate estimate;
-  estimate.triangles = triangles;
-  estimate.octree_cells = static_cast<std::int64_t>(octree.block_count()) * 8;
-  const auto dual_hexes = static_cast<double>(count_dual_hexes(octree));
-  double layer_count = 0;
-  for (const LayerSpec& l : spec.layers) layer_count = std::max(layer_count, static_cast<double>(l.count.value_or(5)));
-  const double cut_cells = 4.0 * static_cast<double>(std::count(octree.cut.begin(), octree.cut.end(), 1));
-  const double hexes = kMeshedShareOfDual * dual_hexes + layer_count * cut_cells;
-  estimate.hexes = static_cast<std::int64_t>(hexes);
-  estimate.memory_bytes = static_cast<std::int64_t>(kBytesPerHex * std::max(hexes, dual_hexes));
-  estimate.cpu_seconds = kCpuSecondsPerHex * hexes;
-  return estimate;
+// The ladder's last rungs: what cannot be fitted keeps the staircase of its cells, in the buffer layer or bare.
+HexMesh fit_or_fall(HexMesh carved, const Run& run) {
+  HexMesh mesh, wrapped;
+  run.context.begin(Stage::WrapSurface);
+  auto failure = failure_of([&] {
+    wrapped = wrap_surface(carved, run.context);
+    require(wrapped, kUnfitted);
+  });
+  if (!failure) {
+    run.context.begin(Stage::FitToSmooth);
+    failure = failure_of([&] {
+      mesh = fit_to_smooth(wrapped, run.ground, run.context).mesh;
+      require(mesh, kUnfitted);
+      tell_quality(Stage::FitToSmooth, mesh, run);
+      mesh = fit_features(std::move(mesh), run.ground, run.rung, run.context);
+      require(mesh);
+      require_no_contacts(mesh);
+      tell_quality(Stage::FitToFeatures, mesh, run);
+    });
+    if (!failure) return mesh;
+    fall_to(run.rung, Rung::Staircase);
+    report_fall(*failure, Reason::SurfaceFitRelaxed, "the mesh could not be fitted to the surface and keeps the staircase of its cells",
+                run.context);
+    failure = failure_of([&] {
+      mesh = make_staircase(std::move(wrapped), run.ground, run.context);
+      require(mesh);
+    });
+    if (!failure) return mesh;
+  }
+  fall_to(run.rung, Rung::CarvedDual);
+  report_fall(*failure, Reason::SurfaceFitRelaxed, "no buffer layer could be laid round the cells inside the surface: they are left bare",
+              run.context);
+  return make_carved_dual(std::move(carved), run.ground);
+}
+
+Rung rung_of(LayersRung rung) {
+  switch (rung) {
+    case LayersRung::Full: return Rung::Full;
+    case LayersRung::Thinned: return Rung::LayersThinned;
+    case LayersRung::Regrouped: return Rung::LayersRegrouped;
+    case LayersRung::Dropped: return Rung::LayersDropped;
+  }
+  return Rung::Full;
+}
+
+// Layers where they can be had, else the mesh as it was.
+HexMesh grow_or_drop(HexMesh mesh, const std::vector<LayerSpec>& layers, std::vector<PatchLayers>& grown, const Run& run) {
+  run.context.begin(Stage::GrowLayers);
+  HexMesh layered;
+  const auto failure = failure_of([&] {
+    if (run.rung >= Rung::Staircase) refuse_staircase();
+    GrowResult result = grow_layers(mesh, layers, run.ground, run.context);
+    require(result.mesh);
+    require_no_contacts(result.mesh);
+    layered = std::move(result.mesh);
+    grown = std::move(result.patches);
+    fall_to(run.rung, rung_of(result.rung));
+  });
+  if (failure) {
+    fall_to(run.rung, Rung::LayersDropped);
+    report_fall(*failure, Reason::LayersDropped, "the mesh has no layers", run.context);
+    layered = std::move(mesh);
+  }
+  tell_quality(Stage::GrowLayers, layered, run);
+  return layered;
 }
 
 void to_input_frame(HexMesh& mesh, const Frame& frame) {
   for (Vec3& p : mesh.position) p = frame.to_input(p);
-}
-
-// Tells the quality of a mesh that is still in the working frame.
-void tell_quality(Stage stage, const HexMesh& mesh, const Surface& surface, const Observer& observer, Context& context) {
-  if (!observer.on_quality) return;
-  Quality quality = measure_quality(mesh, surface.patch_names, context);
-  const double length = 1 / surface.frame.scale;
-  for (RegionStatistics& region : quality.regions) region.volume *= length * length * length;
-  for (PatchStatistics& patch : quality.patches) patch.area *= length * length;
-  observer.on_quality(stage, quality);
 }
 
 void add_layer_statistics(Quality& quality, const std::vector<PatchLayers>& layers, const Surface& surface) {
@@ -176,16 +238,6 @@ void add_layer_statistics(Quality& quality, const std::vector<PatchLayers>& laye
       p.thickness_fraction_min = l.thickness_fraction_min;
       p.coverage = l.coverage;
     }
-}
-
-Rung rung_of(LayersRung rung) {
-  switch (rung) {
-    case LayersRung::Full: return Rung::Full;
-    case LayersRung::Thinned: return Rung::LayersThinned;
-    case LayersRung::Regrouped: return Rung::LayersRegrouped;
-    case LayersRung::Dropped: return Rung::LayersDropped;
-  }
-  return Rung::Full;
 }
 
 }  // namespace
@@ -219,45 +271,20 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, cons
   context.begin(Stage::MakeSizeField);
   const SizeField sizes = make_size_field(surface, features, size_options(spec, surface), context);
 
-  context.begin(Stage::RefineOctree);
-  Octree octree = refine_octree(surface, sizes, octree_options(spec), context);
-  if (observer.on_estimate) observer.on_estimate(estimate_of(triangles, octree, spec));
+  HexMesh mesh = carve_cells(surface, sizes, spec, observer, triangles, context);
 
-  context.begin(Stage::Dualize);
-  Dual dual = dualize(std::move(octree), context);
-
-  context.begin(Stage::Carve);
   const Ground ground(surface, features);
-  HexMesh mesh;
-  {
-    const Locator locator(surface);
-    mesh = carve(std::move(dual), surface, locator, {.volume = spec.volume}, context);
-  }
+  const Run run{surface, ground, observer, context, outcome.rung};
+  mesh = fit_or_fall(std::move(mesh), run);
 
-  context.begin(Stage::WrapSurface);
-  mesh = wrap_surface(std::move(mesh), context);
+  std::vector<PatchLayers> grown;
+  if (!spec.layers.empty()) mesh = grow_or_drop(std::move(mesh), spec.layers, grown, run);
 
-  context.begin(Stage::FitToSmooth);
-  mesh = fit_to_smooth(std::move(mesh), ground, context).mesh;
-  tell_quality(Stage::FitToSmooth, mesh, surface, observer, context);
-  mesh = fit_features(std::move(mesh), ground, outcome.rung, context);
-  tell_quality(Stage::FitToFeatures, mesh, surface, observer, context);
-
-  if (!spec.layers.empty()) {
-    context.begin(Stage::GrowLayers);
-    GrowResult grown = grow_layers(std::move(mesh), spec.layers, ground, context);
-    mesh = std::move(grown.mesh);
-    tell_quality(Stage::GrowLayers, mesh, surface, observer, context);
-    fall_to(outcome.rung, rung_of(grown.rung));
-    to_input_frame(mesh, surface.frame);
-    context.begin(Stage::MeasureQuality);
-    outcome.quality = measure_quality(mesh, surface.patch_names, context);
-    add_layer_statistics(outcome.quality, grown.patches, surface);
-  } else {
-    to_input_frame(mesh, surface.frame);
-    context.begin(Stage::MeasureQuality);
-    outcome.quality = measure_quality(mesh, surface.patch_names, context);
-  }
+  to_input_frame(mesh, surface.frame);
+  context.begin(Stage::MeasureQuality);
+  report_folded(mesh, context);
+  outcome.quality = measure_quality(mesh, surface.patch_names, context);
+  add_layer_statistics(outcome.quality, grown, surface);
   context.end();
   outcome.patch_names = surface.patch_names;
   outcome.mesh = std::move(mesh);

@@ -22,6 +22,7 @@ std::string_view reason_name(Reason reason) {
     case Reason::PatchUnknown: return "PATCH_UNKNOWN";
     case Reason::PatchInTwoLayerEntries: return "PATCH_IN_TWO_LAYER_ENTRIES";
     case Reason::RegionNotFound: return "REGION_NOT_FOUND";
+    case Reason::RegionTooThin: return "REGION_TOO_THIN";
     case Reason::CellBudgetExceeded: return "CELL_BUDGET_EXCEEDED";
     case Reason::MemoryBudgetExceeded: return "MEMORY_BUDGET_EXCEEDED";
     case Reason::TimeBudgetExceeded: return "TIME_BUDGET_EXCEEDED";

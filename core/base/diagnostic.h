@@ -33,6 +33,7 @@ enum class Reason {
   PatchUnknown,
   PatchInTwoLayerEntries,
   RegionNotFound,
+  RegionTooThin,      // for the cells
   // limits
   CellBudgetExceeded,
   MemoryBudgetExceeded,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -42,8 +43,8 @@ Vote count_votes(const HexVertices& hex, const IdMap<VertexId, std::int32_t>& co
 
 struct Carver {
   const Dual& dual;
-  const Surface& surface;
   const Locator& locator;
+  const Locator& walls;  // all of the surface but interfaces
   const NodeColours& colours;
   double depth;
 
@@ -67,11 +68,8 @@ struct Carver {
       }
     return kVoid;
   }
-  // Room for the buffer layer between the centre and the surface. An interface is no wall: both its sides are meshed.
-  [[nodiscard]] bool has_room(HexId h) const {
-    const SurfacePoint near = locator.closest(centre(h), depth * cell_size(h));
-    return !near.triangle.valid() || colours.interface[surface.patch[near.triangle]] != 0;
-  }
+  // Room for the buffer layer between the centre and the walls. An interface is none: both its sides are meshed.
+  [[nodiscard]] bool has_room(HexId h) const { return !walls.closest(centre(h), depth * cell_size(h)).triangle.valid(); }
   void choose(HexId h, HexChoice& choice) const {
     const Vote vote = count_votes(dual.mesh.hexes[h], colours.colour);
     if (vote.region < 0) return;
@@ -83,6 +81,15 @@ struct Carver {
     if (choice.fillable[h] >= 0 && has_room(h)) choice.label[h] = choice.fillable[h];
   }
 };
+
+// Empty when there is no interface.
+std::optional<Locator> walls_without_interfaces(const Surface& surface, const IdMap<TriangleId, Bounds>& bounds) {
+  std::vector<TriangleId> walls;
+  for (TriangleId t : bounds.ids())
+    if (bounds[t] != Bounds::Interface) walls.push_back(t);
+  if (walls.size() == bounds.size()) return {};
+  return Locator(surface, std::move(walls));
+}
 
 HexChoice choose_hexes(const Carver& carver) {
   const std::size_t count = carver.dual.mesh.hexes.size();
@@ -153,7 +160,7 @@ void settle_regions(HexMesh& mesh, std::int32_t regions, VolumeMode mode, Contex
   for (RegionId r : mesh.region) ++count[r.index()];
   if (mesh.hexes.empty()) {
     Diagnostic diagnostic;
-    diagnostic.reason = Reason::RegionNotFound;
+    diagnostic.reason = Reason::RegionTooThin;
     diagnostic.message = "the enclosed volume is thinner than the cells everywhere: ask for smaller cells";
     diagnostic.field = "volume";
     throw MeshError(Failure::InvalidInput, std::move(diagnostic));
@@ -169,7 +176,7 @@ void settle_regions(HexMesh& mesh, std::int32_t regions, VolumeMode mode, Contex
     renumbered.push_back(RegionId(r));
     if (count[r] > 0) continue;
     Diagnostic diagnostic;
-    diagnostic.reason = Reason::RegionNotFound;
+    diagnostic.reason = Reason::RegionTooThin;
     diagnostic.severity = Severity::Warning;
     diagnostic.message = "region " + std::to_string(r + 1) + " is thinner than the cells: it is not meshed";
     diagnostic.field = "volume.points[" + std::to_string(r) + "]";
@@ -183,7 +190,8 @@ void settle_regions(HexMesh& mesh, std::int32_t regions, VolumeMode mode, Contex
 HexMesh carve(Dual dual, const Surface& surface, const Locator& locator, const CarveOptions& options, Context& context) {
   const NodeColours colours = colour_nodes(dual, surface, locator, options.volume, context);
   context.checkpoint();
-  HexChoice choice = choose_hexes({dual, surface, locator, colours, options.depth});
+  const std::optional<Locator> walls = walls_without_interfaces(surface, colours.bounds);
+  HexChoice choice = choose_hexes({dual, locator, walls ? *walls : locator, colours, options.depth});
   context.checkpoint();
   HexMesh mesh = std::move(dual.mesh);
   keep_neighbourhood(mesh, choice);

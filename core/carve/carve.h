@@ -23,7 +23,8 @@ struct CarveOptions {
 // Returns kept hexes with their region; quads hold the skin and the interfaces, oriented as HexMesh asks, unlabelled (patch and chart
 // invalid). Each region's boundary is a 2-manifold: one fan of quads round every vertex; hexes with more
 // than 3 boundary faces are left only where a region is one cell thick.
-// Throws MeshError(InvalidInput, RegionNotFound | SurfaceNotClosed) when nothing is inside or a seed point leaks out.
+// Throws MeshError(InvalidInput, RegionNotFound | SurfaceNotClosed) when nothing is inside or a seed point leaks out, RegionTooThin when
+// smaller cells might help.
 HexMesh carve(Dual dual, const Surface& surface, const Locator& locator, const CarveOptions& options, Context& context);
 
 }  // namespace strata

@@ -11,6 +11,7 @@
 #include "core/base/context.h"
 #include "core/base/diagnostic.h"
 #include "core/base/parallel.h"
+#include "core/carve/triangle_sides.h"
 #include "core/mesh/hex.h"
 
 namespace strata {
@@ -189,9 +190,9 @@ std::string point_text(const Vec3& p) {
   return "(" + std::to_string(p.x()) + ", " + std::to_string(p.y()) + ", " + std::to_string(p.z()) + ")";
 }
 
-[[noreturn]] void throw_not_found(std::string message, std::string field, const Box& box) {
+[[noreturn]] void throw_no_region(Reason reason, std::string message, std::string field, const Box& box) {
   Diagnostic diagnostic;
-  diagnostic.reason = Reason::RegionNotFound;
+  diagnostic.reason = reason;
   diagnostic.message = std::move(message);
   diagnostic.field = std::move(field);
   diagnostic.box = box;
@@ -271,10 +272,11 @@ Numbering number_by_points(const Dual& dual, const Components& components, const
     Box box;
     box.add(surface.frame.to_input(points[i]));
     const std::int32_t c = component_of_point(points[i], dual, components, locator);
-    if (c < 0) throw_not_found(name + " lies on the surface or in a gap narrower than the cells", field, box);
+    if (c < 0) throw_no_region(Reason::RegionTooThin, name + " lies on the surface or in a gap narrower than the cells", field, box);
     if (outside[static_cast<std::size_t>(c)] != 0) {
       const bool leak = !surface.closed && std::abs(locator.winding_number(points[i])) > 0.5;
-      throw_not_found(name + (leak ? " leaks out: the surface round it is not closed" : " lies outside every closed surface"), field, box);
+      throw_no_region(Reason::RegionNotFound,
+                      name + (leak ? " leaks out: the surface round it is not closed" : " lies outside every closed surface"), field, box);
     }
     if (!openings.empty() && openings[static_cast<std::size_t>(c)].gapes())
       throw_open(openings[static_cast<std::size_t>(c)], surface, field);
@@ -318,19 +320,29 @@ Numbering number_bounded(const Components& components, const std::vector<std::ui
   return numbering;
 }
 
-// A patch is an interface when it cuts more edges between two meshed regions than edges to the void.
-IdMap<PatchId, std::uint8_t> find_interfaces(const std::vector<Link>& links, const NodeColours& colours, const Surface& surface) {
-  IdMap<PatchId, std::int64_t> balance(surface.patch_names.size(), 0);
-  for (const Link& link : links) {
-    if (!link.hit.valid()) continue;
-    const std::int32_t a = colours.colour[link.a], b = colours.colour[link.b];
-    const PatchId patch = surface.patch[link.hit];
-    if (a >= 0 && b >= 0 && a != b) ++balance[patch];
-    if ((a >= 0 && b == kVoid) || (a == kVoid && b >= 0)) --balance[patch];
-  }
-  IdMap<PatchId, std::uint8_t> interface(balance.size(), std::uint8_t{0});
-  for (PatchId p : balance.ids()) interface[p] = balance[p] > 0;
-  return interface;
+// What the ends of cut links see of the surface: from one end the triangle that was hit, from the other the one hit from there.
+std::vector<Sighting> sightings_of(const Dual& dual, const std::vector<Link>& links, const IdMap<VertexId, std::int32_t>& colour,
+                                   const Surface& surface, const Locator& locator) {
+  std::vector<std::array<Sighting, 2>> pairs(links.size());
+  parallel_for(
+      links.size(),
+      [&](std::size_t i) {
+        const Link& link = links[i];
+        if (!link.hit.valid()) return;
+        const Vec3 &a = dual.mesh.position[link.a], &b = dual.mesh.position[link.b];
+        const auto sighting = [&](TriangleId t, VertexId from, const Vec3& along) {
+          if (colour[from] == kUndecided) return Sighting{};
+          return Sighting{t, along.dot(surface.normal[t]) < 0 ? 1 : 0, colour[from]};
+        };
+        pairs[i][0] = sighting(link.hit, link.a, b - a);
+        if (const auto hit = crossing(locator, b, a)) pairs[i][1] = sighting(hit->triangle, link.b, a - b);
+      },
+      128);
+  std::vector<Sighting> sightings;
+  for (const auto& pair : pairs)
+    for (const Sighting& s : pair)
+      if (s.triangle.valid()) sightings.push_back(s);
+  return sightings;
 }
 
 }  // namespace
@@ -365,7 +377,8 @@ NodeColours colour_nodes(const Dual& dual, const Surface& surface, const Locator
                                   ? number_by_points(dual, components, outside, openings, surface, locator, volume.points, context)
                                   : number_bounded(components, outside, openings, surface, links, volume.mode);
   if (numbering.count == 0)
-    throw_not_found(
+    throw_no_region(
+        surface.closed ? Reason::RegionTooThin : Reason::RegionNotFound,
         surface.closed ? "no volume is enclosed by the surface at this cell size" : "no volume is enclosed: the surface is not closed",
         "volume", {});
   NodeColours result;
@@ -376,7 +389,7 @@ NodeColours colour_nodes(const Dual& dual, const Surface& surface, const Locator
     const std::int32_t region = numbering.region[c];
     result.colour[v] = region >= 0 ? region : (outside[c] == 0 && components.size[c] < kPocket ? kUndecided : kVoid);
   }
-  result.interface = find_interfaces(links, result, surface);
+  result.bounds = judge_triangles(surface, sightings_of(dual, links, result.colour, surface, locator));
   return result;
 }
 

@@ -15,13 +15,21 @@ class Context;
 inline constexpr std::int32_t kVoid = -1;       // outside, or in a volume that is not meshed
 inline constexpr std::int32_t kUndecided = -2;  // on the surface, or in a pocket of a few nodes
 
+enum class Bounds : std::uint8_t {
+  Unknown,    // too small for any cell to meet it, as all of its neighbours
+  Nothing,    // the same on both sides, or no meshed region on either
+  Wall,       // one region
+  Interface,  // two regions
+};
+
 struct NodeColours {
   IdMap<VertexId, std::int32_t> colour;         // region, kVoid or kUndecided
   std::int32_t regions = 0;
-  IdMap<PatchId, std::uint8_t> interface;       // 1: the patch lies between two meshed regions
+  IdMap<TriangleId, Bounds> bounds;             // what each triangle of the surface bounds
 };
 
-// Throws MeshError(InvalidInput, RegionNotFound) when a seed point is in no bounded region or nothing is bounded.
+// Throws MeshError(InvalidInput, RegionNotFound) when a seed point is in no bounded region or nothing is bounded, RegionTooThin when that
+// may be the cells' fault.
 NodeColours colour_nodes(const Dual& dual, const Surface& surface, const Locator& locator, const VolumeSpec& volume, Context& context);
 
 // True when the surface does not cut the segment; a crossing within a hair of either end counts as one.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/parallel.h"
 #include "core/mesh/hex.h"
 #include "core/quality/validity.h"
 
@@ -85,6 +86,19 @@ bool bernstein_positive(const std::array<Vec3, 8>& corners) {
   Coefficients f = sampled(corners);
   to_bernstein(f);
   return positive(f, kBisections);
+}
+
+std::vector<HexId> folded_hexes(const HexMesh& mesh) {
+  std::vector<std::uint8_t> folded(mesh.hexes.size(), 0);
+  parallel_for(folded.size(), [&](std::size_t i) {
+    std::array<Vec3, 8> corners;
+    for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
+    folded[i] = !bernstein_positive(corners);
+  });
+  std::vector<HexId> result;
+  for (std::size_t i = 0; i < folded.size(); ++i)
+    if (folded[i] != 0) result.push_back(HexId(i));
+  return result;
 }
 
 }  // namespace strata

@@ -47,7 +47,7 @@ Found check_sizes(const HexMesh& mesh) {
   return {};
 }
 
-Found check_indices(const HexMesh& mesh) {
+Found check_indices(const HexMesh& mesh, bool labelled) {
   const auto outside = [&](VertexId v) { return !v.valid() || v.index() >= mesh.position.size(); };
   const std::size_t vertex = first_failure(mesh.position.size(), [&](std::size_t v) { return !mesh.position[VertexId(v)].allFinite(); });
   if (vertex != kNone) return broken("vertex " + std::to_string(vertex) + " has a coordinate that is not finite");
@@ -58,7 +58,7 @@ Found check_indices(const HexMesh& mesh) {
   if (hex != kNone) return broken(hex_name(hex) + " has a vertex or a region out of range");
   const std::size_t quad = first_failure(mesh.quads.size(), [&](std::size_t q) {
     const QuadVertices& v = mesh.quads[QuadId(q)];
-    return std::any_of(v.begin(), v.end(), outside) || !mesh.patch[QuadId(q)].valid();
+    return std::any_of(v.begin(), v.end(), outside) || (labelled && !mesh.patch[QuadId(q)].valid());
   });
   if (quad != kNone) return broken("quad " + std::to_string(quad) + " has a vertex or a patch out of range");
   return {};
@@ -223,14 +223,14 @@ Found check_faces(const HexMesh& mesh, AllSides& sides) {
 }
 
 // Layers that cross give a hex up to three quads; in the volume the buffer layer leaves one.
-Found check_quads_per_hex(const HexMesh& mesh, const AllSides& sides) {
-  constexpr int kMostInLayers = 3;
+Found check_quads_per_hex(const HexMesh& mesh, const AllSides& sides, int most) {
+  const int most_in_layers = std::max(3, most);
   IdMap<HexId, std::int8_t> count(mesh.hexes.size(), 0);
   for (const Sides& s : sides)
     for (HexId h : {s.back, s.front})
       if (h.valid()) ++count[h];
   const std::size_t hex =
-      first_failure(mesh.hexes.size(), [&](std::size_t h) { return count[HexId(h)] > (mesh.layer[HexId(h)] > 0 ? kMostInLayers : 1); });
+      first_failure(mesh.hexes.size(), [&](std::size_t h) { return count[HexId(h)] > (mesh.layer[HexId(h)] > 0 ? most_in_layers : most); });
   if (hex == kNone) return {};
   return broken_at(mesh, mesh.hexes[HexId(hex)], hex_name(hex) + " has " + std::to_string(count[HexId(hex)]) + " quads");
 }
@@ -285,14 +285,15 @@ Found check_positive(const HexMesh& mesh) {
 
 }  // namespace
 
-std::optional<Diagnostic> check_mesh(const HexMesh& mesh) {
-  for (const auto& check : {check_sizes, check_indices, check_distinct})
-    if (Found found = check(mesh)) return found;
+std::optional<Diagnostic> check_mesh(const HexMesh& mesh, const Promises& promises) {
+  if (Found found = check_sizes(mesh)) return found;
+  if (Found found = check_indices(mesh, promises.labelled)) return found;
+  if (Found found = check_distinct(mesh)) return found;
   AllSides sides(mesh.quads.size());
   if (Found found = check_faces(mesh, sides)) return found;
-  for (const auto& check : {check_quads_per_hex, check_boundary_edges})
-    if (Found found = check(mesh, sides)) return found;
-  return check_positive(mesh);
+  if (Found found = check_quads_per_hex(mesh, sides, promises.quads_per_hex)) return found;
+  if (Found found = check_boundary_edges(mesh, sides)) return found;
+  return promises.positive ? check_positive(mesh) : Found{};
 }
 
 }  // namespace strata

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "core/base/parallel.h"
-#include "core/surface/triangle_geometry.h"
+#include "core/base/triangle_geometry.h"
 
 namespace strata {
 namespace {

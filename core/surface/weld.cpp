@@ -7,7 +7,7 @@
 
 #include "core/base/parallel.h"
 #include "core/surface/draft.h"
-#include "core/surface/triangle_geometry.h"
+#include "core/base/triangle_geometry.h"
 
 namespace strata {
 namespace {

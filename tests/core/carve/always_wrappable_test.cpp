@@ -63,7 +63,7 @@ TEST(AlwaysWrappable, RandomOctreesOfManyShapes) {
     try {
       mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, options, context);
     } catch (const MeshError& error) {
-      EXPECT_EQ(error.diagnostic().reason, Reason::RegionNotFound);
+      EXPECT_EQ(error.diagnostic().reason, Reason::RegionTooThin);
       continue;
     }
     EXPECT_EQ(check_topology(mesh), "");

@@ -6,7 +6,7 @@
 
 #include "core/base/context.h"
 #include "core/surface/locator.h"
-#include "core/surface/triangle_geometry.h"
+#include "core/base/triangle_geometry.h"
 #include "tests/support/shapes.h"
 
 namespace strata {

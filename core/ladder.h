@@ -1,0 +1,37 @@
+// The way down when something does not work out: only bad input, limits and cancellation end a run without a mesh.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "core/base/diagnostic.h"
+#include "core/mesh/hex_mesh.h"
+#include "core/optimise/ground.h"
+#include "core/quality/validity.h"
+
+namespace strata {
+
+class Context;
+
+// Runs a part of the pipeline and returns what went wrong with it: a failure of ours, or an exception that nobody foresaw. Bad input, limits,
+// want of memory and cancellation pass through.
+std::optional<Diagnostic> failure_of(const std::function<void()>& part);
+
+// Tells that a rung was lost: what the mesh is now, and the failure that led there.
+void report_fall(const Diagnostic& failure, Reason reason, const std::string& what, Context& context);
+
+// Throws MeshError(Internal) with the first promise that is broken.
+void require(const HexMesh& mesh, const Promises& promises = {});
+// Throws MeshError(Internal) when the skin touches itself.
+void require_no_contacts(const HexMesh& mesh);
+
+// The rung `staircase`: the carved hexes with their buffer layer, as they are. Quads take the patch of the nearest place of the surface.
+HexMesh make_staircase(HexMesh wrapped, const Ground& ground, Context& context);
+// The rung `carved_dual`: the carved hexes alone.
+HexMesh make_carved_dual(HexMesh carved, const Ground& ground);
+
+// Hexes that are positive at the corners but, as far as can be proved, not everywhere inside: told, not refused.
+void report_folded(const HexMesh& mesh, Context& context);
+
+}  // namespace strata
