@@ -6,8 +6,6 @@
 
 #include "core/base/context.h"
 #include "core/base/parallel.h"
-#include "core/mesh/adjacency.h"
-#include "core/mesh/hex.h"
 #include "core/optimise/optimise.h"
 #include "core/quality/quality.h"
 
@@ -15,19 +13,18 @@ namespace strata {
 namespace {
 
 constexpr double kOpening = 0.04;        // of the local size: thin enough never to fold the hexes above a sound surface quad
-constexpr double kLeastQuality = 0.12;   // scaled Jacobian that a step may not go below
-constexpr double kGoodQuality = 0.4;     // nor below this for the sake of blending layers
-constexpr double kStep = 0.45;           // of the local size: what the hexes above can give at once
+constexpr int kOpeningHalvings = 9;
+constexpr double kOpeningQuality = 0.01;  // scaled Jacobian under which a column opens less
+constexpr double kOpeningLoss = 0.5;     // of a poor hex's quality
+constexpr double kFlat = 1e-12;          // scaled Jacobian of hexes that have no thickness yet
 constexpr double kArrived = 0.02;        // of the thickness
 constexpr double kMostLean = 4;          // column length over height that is believed
-constexpr double kProgress = 0.04;       // of the thickness: less in one round is not worth another
-constexpr double kStragglers = 0.005;    // of all tops: so few are not worth another round
+constexpr double kNotMuchWorse = 0.8;    // a poor hex may lose so much of its quality in a step
+constexpr int kLateRings = 5;            // round tops that are late
+constexpr float kFactorSlope = 0.2F;     // of a step, that a vertex may go further than one in the same hex
+constexpr double kMostOfAll = 0.9;       // of the tops: the way of the others does not count for the number of steps
+constexpr int kHalvings = 4;             // of the moves round a bad hex, before they are given up for this step
 constexpr double kProjectQuality = 0.15; // that drawing a held vertex to its ground may not cost
-constexpr int kHalvings = 4;
-constexpr int kFreeRounds = 3;           // of optimising with tops and bottoms free, before tops are placed
-enum class Placing { Free, Exact };      // of the ends of active columns
-constexpr int kRings = 6;                // of vertices round the sheet that give way
-constexpr int kSweeps = 3;               // of the optimiser between steps
 
 std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
   std::array<Vec3, 8> c;
@@ -35,195 +32,263 @@ std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
   return c;
 }
 
-double worst_round(const HexMesh& mesh, const VertexStars<HexId>& stars, VertexId v) {
-  double worst = 1;
-  for (HexId h : stars.of(v)) worst = std::min(worst, corner_scaled_jacobian(corners_of(mesh, h)));
-  return worst;
+// From the ground a held vertex belongs to, to where it is: the fit leaves some vertices off, and layers do not draw them back.
+Vec3 off_ground(const HexMesh& mesh, const Ground& ground, VertexId v) {
+  const Attachment& held = mesh.attachment[v];
+  if (held.hold == Hold::Free || held.hold == Hold::Fixed) return Vec3::Zero();
+  return mesh.position[v] - ground.project(held, mesh.position[v]).position;
 }
 
-// Where a top is to go: over its one bottom, or, in a crossing, to the corner of the parallelogram of the points beside it.
-struct Goal {
-  VertexId top;
-  int sheets = 0;
-  std::array<VertexId, 2> bottom;   // in the first two sheets it is a top of
-  VertexId common;                  // below both
-  Vec3 offset = Vec3::Zero();       // from the bottom, when there is one only
-  double step = 0;                  // longest move at once
-  double thickness = 0;
-  double needed = 0;                // distance from the bottom that is worth a poorer hex
-  bool active = false;
-};
-
-std::vector<Goal> goals_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active) {
-  IdMap<VertexId, std::int32_t> slot(mesh.position.size(), -1);
-  std::vector<Goal> goals;
-  std::vector<std::array<std::int32_t, 2>> sheet_of;
-  for (std::size_t s = 0; s < sheets.size(); ++s)
-    for (std::size_t c = 0; c < sheets[s].columns.size(); ++c) {
-      const VertexId top = sheets[s].columns.top[c];
-      if (slot[top] < 0) {
-        slot[top] = static_cast<std::int32_t>(goals.size());
-        goals.emplace_back();
-        goals.back().top = top;
-        sheet_of.push_back({-1, -1});
-      }
-      const auto g = static_cast<std::size_t>(slot[top]);
-      Goal& goal = goals[g];
-      const Foot& foot = sheets[s].feet[c];
-      if (goal.sheets < 2) {
-        goal.bottom[static_cast<std::size_t>(goal.sheets)] = sheets[s].columns.bottom[c];
-        sheet_of[g][static_cast<std::size_t>(goal.sheets)] = static_cast<std::int32_t>(s);
-      }
-      ++goal.sheets;
-      goal.offset = foot.direction * (foot.stretch * sheets[s].thickness[c]);
-      const double step = kStep * foot.size;
-      goal.step = goal.step > 0 ? std::min(goal.step, step) : step;
-      goal.needed = sheets[s].needed[c] * foot.stretch;
-      goal.thickness = std::max(goal.thickness, sheets[s].thickness[c]);
-      goal.active = goal.active || active[s] != 0;
-    }
-  for (std::size_t g = 0; g < goals.size(); ++g) {
-    if (goals[g].sheets < 2) continue;
-    const std::int32_t beside = slot[goals[g].bottom[0]];
-    if (beside < 0) continue;
-    for (std::size_t k = 0; k < 2; ++k)
-      if (sheet_of[static_cast<std::size_t>(beside)][k] == sheet_of[g][1])
-        goals[g].common = goals[static_cast<std::size_t>(beside)].bottom[k];
-  }
-  std::erase_if(goals, [](const Goal& g) { return !g.active; });
-  std::stable_sort(goals.begin(), goals.end(),
-                   [](const Goal& a, const Goal& b) { return a.sheets != b.sheets ? a.sheets < b.sheets : a.top < b.top; });
-  return goals;
-}
-
-Vec3 target_of(const HexMesh& mesh, const Goal& goal, const Ground& ground) {
-  Vec3 p = mesh.position[goal.bottom[0]] + goal.offset;
-  if (goal.common.valid()) p = mesh.position[goal.bottom[0]] + mesh.position[goal.bottom[1]] - mesh.position[goal.common];
-  return ground.project(mesh.attachment[goal.top], p).position;
-}
-
-// One round of steps, in order of the goals. Returns how many tops got on and are still on their way.
-std::int64_t step_tops(HexMesh& mesh, const std::vector<Goal>& goals, const VertexStars<HexId>& stars, const Ground& ground) {
-  std::int64_t under_way = 0;
-  for (const Goal& goal : goals) {
-    const Vec3 from = mesh.position[goal.top];
-    Vec3 move = target_of(mesh, goal, ground) - from;
-    const double distance = move.norm();
-    if (distance <= 0) continue;
-    if (distance > goal.step) move *= goal.step / distance;
-    const double before = worst_round(mesh, stars, goal.top);
-    const bool enough = !goal.common.valid() && (from - mesh.position[goal.bottom[0]]).norm() >= goal.needed;
-    const double floor = enough ? kGoodQuality : kLeastQuality;
-    bool moved = false;
-    for (int k = 0; k < kHalvings && !moved; ++k, move *= 0.5) {
-      mesh.position[goal.top] = ground.project(mesh.attachment[goal.top], from + move).position;
-      const double after = worst_round(mesh, stars, goal.top);
-      moved = after > 0 ? after >= std::min(floor, before) : after > before;
-    }
-    if (!moved) mesh.position[goal.top] = from;
-    const double left = (target_of(mesh, goal, ground) - mesh.position[goal.top]).norm();
-    under_way += left > kArrived * goal.thickness && distance - left > kProgress * goal.thickness;
-  }
-  return under_way;
-}
-
-// Sheets keep the thickness they are to have, the rest wants cubes.
-IdMap<HexId, HexTarget> targets_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const VertexStars<HexId>& stars) {
-  IdMap<HexId, HexTarget> targets(mesh.hexes.size(), HexTarget{1, 1, 1});
-  for (const GrowingSheet& sheet : sheets)
-    for (std::size_t c = 0; c < sheet.columns.size(); ++c) {
-      const VertexId bottom = sheet.columns.bottom[c], top = sheet.columns.top[c];
-      const auto length = static_cast<float>(sheet.thickness[c] * sheet.feet[c].stretch / sheet.feet[c].size);
-      for (HexId h : stars.of(bottom)) {
-        const HexVertices& hex = mesh.hexes[h];
-        for (std::size_t e = 0; e < 12; ++e) {
-          const VertexId a = hex[static_cast<std::size_t>(kHexEdges[e][0])], b = hex[static_cast<std::size_t>(kHexEdges[e][1])];
-          if ((a == bottom && b == top) || (a == top && b == bottom)) targets[h][e / 4] = length;
-        }
-      }
-    }
-  return targets;
+double wanted(const GrowingSheet& sheet, std::size_t c, Reach reach) {
+  return sheet.feet[c].stretch * (reach == Reach::Full ? sheet.thickness[c] : std::min(sheet.needed[c], sheet.thickness[c]));
 }
 
 }  // namespace
 
-HexMesh open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground) {
-  std::vector<Vec3> at(sheet.columns.size());
-  for (std::size_t c = 0; c < at.size(); ++c) {
-    const Foot& foot = sheet.feet[c];
-    const double lift = foot.stretch * std::min(sheet.thickness[c], kOpening * foot.size);
-    at[c] = ground.project(mesh.attachment[sheet.columns.top[c]], mesh.position[sheet.columns.bottom[c]] + lift * foot.direction).position;
+Opened open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground) {
+  const Columns& columns = sheet.columns;
+  const VertexStars<HexId> stars = hexes_round_vertices(mesh);
+  IdMap<VertexId, std::int32_t> on(mesh.position.size(), -1);
+  for (std::size_t c = 0; c < columns.size(); ++c) on[columns.top[c]] = static_cast<std::int32_t>(c);
+  std::vector<HexId> round;
+  for (VertexId top : columns.top) round.insert(round.end(), stars.of(top).begin(), stars.of(top).end());
+  std::sort(round.begin(), round.end());
+  round.erase(std::unique(round.begin(), round.end()), round.end());
+  std::vector<double> before(round.size());
+  parallel_for(round.size(), [&](std::size_t k) { before[k] = corner_scaled_jacobian(corners_of(mesh, round[k])); });
+  std::vector<Vec3> off(columns.size());
+  parallel_for(columns.size(), [&](std::size_t c) { off[c] = off_ground(mesh, ground, columns.top[c]); });
+  std::vector<double> lift(columns.size());
+  for (std::size_t c = 0; c < columns.size(); ++c)
+    lift[c] = sheet.feet[c].stretch * std::min(sheet.thickness[c], kOpening * sheet.feet[c].size);
+  Opened result;
+  for (int i = 0; i <= kOpeningHalvings; ++i) {
+    parallel_for(columns.size(), [&](std::size_t c) {
+      const VertexId top = columns.top[c];
+      mesh.position[top] =
+          ground.project(mesh.attachment[top], mesh.position[columns.bottom[c]] + lift[c] * sheet.feet[c].direction).position + off[c];
+    });
+    std::vector<std::uint8_t> poor(round.size(), 0);
+    parallel_for(round.size(), [&](std::size_t k) {
+      const double quality = corner_scaled_jacobian(corners_of(mesh, round[k]));
+      const double enough = before[k] > kFlat ? std::min(kOpeningQuality, kOpeningLoss * before[k]) : kOpeningQuality;
+      poor[k] = quality > enough ? 0 : (quality > 0 ? 1 : 2);
+    });
+    std::vector<std::uint8_t> shrink(columns.size(), 0);
+    bool any = false;
+    result.flat.clear();
+    for (std::size_t k = 0; k < round.size(); ++k) {
+      if (poor[k] == 0 || (poor[k] == 1 && i > kOpeningHalvings / 2)) continue;
+      for (VertexId v : mesh.hexes[round[k]]) {
+        result.flat.push_back(v);
+        if (on[v] >= 0) shrink[static_cast<std::size_t>(on[v])] = 1, any = true;
+      }
+    }
+    if (!any || i == kOpeningHalvings) break;
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      if (shrink[c]) lift[c] *= 0.5;
   }
-  for (std::size_t c = 0; c < at.size(); ++c) mesh.position[sheet.columns.top[c]] = at[c];
+  result.mesh = std::move(mesh);
+  return result;
+}
+
+Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings)
+    : ground_(&ground), stars_(hexes_round_vertices(mesh)), guard_(mesh, sheets), role_(mesh.position.size(), Role::Carried), spread_([&] {
+        IdMap<VertexId, std::int32_t> slot(mesh.position.size(), -1);
+        for (std::size_t s = 0; s < sheets.size(); ++s)
+          for (std::size_t c = 0; c < sheets[s].columns.size(); ++c) {
+            const VertexId top = sheets[s].columns.top[c];
+            if (slot[top] < 0) {
+              slot[top] = static_cast<std::int32_t>(goals_.size());
+              goals_.emplace_back();
+              goals_.back().top = top;
+            }
+            Goal& goal = goals_[static_cast<std::size_t>(slot[top])];
+            if (goal.sheets < 2) {
+              const auto k = static_cast<std::size_t>(goal.sheets);
+              goal.bottom[k] = sheets[s].columns.bottom[c];
+              goal.sheet[k] = static_cast<std::int32_t>(s);
+              goal.column[k] = static_cast<std::int32_t>(c);
+            }
+            ++goal.sheets;
+            role_[sheets[s].columns.bottom[c]] = Role::Still;
+          }
+        for (Goal& goal : goals_) {
+          if (goal.sheets < 2 || slot[goal.bottom[0]] < 0) continue;
+          const Goal& beside = goals_[static_cast<std::size_t>(slot[goal.bottom[0]])];
+          for (std::size_t k = 0; k < 2 && k < static_cast<std::size_t>(beside.sheets); ++k)
+            if (beside.sheet[k] == goal.sheet[1]) goal.common = beside.bottom[k];
+        }
+        std::stable_sort(goals_.begin(), goals_.end(),
+                         [](const Goal& a, const Goal& b) { return a.sheets != b.sheets ? a.sheets < b.sheets : a.top < b.top; });
+        for (VertexId v : mesh.position.ids())
+          if (mesh.attachment[v].hold == Hold::Corner || mesh.attachment[v].hold == Hold::Fixed || stars_.of(v).empty())
+            role_[v] = Role::Still;
+        for (const Goal& goal : goals_) role_[goal.top] = Role::Driven;
+        return Spread(mesh, stars_, role_, rings);
+      }()) {
+  for (const Goal& goal : goals_) movers_.push_back(goal.top);
+  movers_.insert(movers_.end(), spread_.carried().begin(), spread_.carried().end());
+}
+
+// Single columns stand on their feet; in a crossing a top completes the parallelogram of the points beside it.
+IdMap<VertexId, Vec3> Inflation::targets(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const {
+  IdMap<VertexId, Vec3> target = mesh.position;
+  for (const Goal& goal : goals_) {
+    Vec3 p;
+    if (goal.common.valid()) {
+      p = target[goal.bottom[0]] + target[goal.bottom[1]] - target[goal.common];
+    } else {
+      const auto& sheet = sheets[static_cast<std::size_t>(goal.sheet[0])];
+      const auto c = static_cast<std::size_t>(goal.column[0]);
+      p = target[goal.bottom[0]] + wanted(sheet, c, reach) * sheet.feet[c].direction;
+    }
+    if (mesh.attachment[goal.top].hold != Hold::Free)
+      p = ground_->project(mesh.attachment[goal.top], p).position + off_ground(mesh, *ground_, goal.top);
+    target[goal.top] = p;
+  }
+  return target;
+}
+
+double Inflation::thickness_of(const Goal& goal, const std::vector<GrowingSheet>& sheets, Reach reach) {
+  double thickness = 0;
+  for (std::size_t k = 0; k < 2 && k < static_cast<std::size_t>(goal.sheets); ++k)
+    thickness =
+        std::max(thickness, wanted(sheets[static_cast<std::size_t>(goal.sheet[k])], static_cast<std::size_t>(goal.column[k]), reach));
+  return thickness;
+}
+
+double Inflation::typical_way(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const {
+  const IdMap<VertexId, Vec3> target = targets(mesh, sheets, reach);
+  std::vector<double> ways;
+  for (const Goal& goal : goals_) {
+    double size = 0;
+    for (std::size_t k = 0; k < 2 && k < static_cast<std::size_t>(goal.sheets); ++k)
+      size = std::max(size, sheets[static_cast<std::size_t>(goal.sheet[k])].feet[static_cast<std::size_t>(goal.column[k])].size);
+    if (size > 0) ways.push_back((target[goal.top] - mesh.position[goal.top]).norm() / size);
+  }
+  if (ways.empty()) return 0;
+  const auto at = ways.begin() + static_cast<std::ptrdiff_t>(kMostOfAll * static_cast<double>(ways.size() - 1));
+  std::nth_element(ways.begin(), at, ways.end());
+  return *at;
+}
+
+HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const IdMap<VertexId, Vec3>& move,
+                               double floor) const {
+  const IdMap<VertexId, Vec3> from = mesh.position;
+  IdMap<HexId, std::uint8_t> dirty(mesh.hexes.size(), 0);
+  for (VertexId v : movers_)
+    for (HexId h : stars_.of(v)) dirty[h] = 1;
+  std::vector<HexId> check;
+  for (HexId h : mesh.hexes.ids())
+    if (dirty[h]) check.push_back(h);
+  IdMap<HexId, float> before(mesh.hexes.size(), 0);
+  parallel_for(check.size(), [&](std::size_t i) { before[check[i]] = static_cast<float>(guard_.quality(mesh, sheets, check[i])); });
+  IdMap<VertexId, float> factor(mesh.position.size(), 1.0F);
+  IdMap<VertexId, std::uint8_t> moves(mesh.position.size(), 0);   // 1: may; 2: is on the list of this round
+  for (VertexId v : movers_) moves[v] = 1;
+  std::vector<VertexId> changed = movers_;
+  IdMap<VertexId, Vec3> off(mesh.position.size(), Vec3::Zero());
+  parallel_for(movers_.size(), [&](std::size_t i) { off[movers_[i]] = off_ground(mesh, *ground_, movers_[i]); });
+  for (int round = 0; !changed.empty(); ++round) {
+    parallel_for(changed.size(), [&](std::size_t i) {
+      const VertexId v = changed[i];
+      mesh.position[v] = from[v] + static_cast<double>(factor[v]) * move[v];
+      if (factor[v] > 0 && mesh.attachment[v].hold != Hold::Free)
+        mesh.position[v] = ground_->project(mesh.attachment[v], mesh.position[v]).position + off[v];
+    });
+    std::vector<std::uint8_t> bad(check.size(), 0);
+    parallel_for(check.size(), [&](std::size_t i) {
+      const double old = static_cast<double>(before[check[i]]);
+      const double now = guard_.quality(mesh, sheets, check[i]);
+      bad[i] = !(now >= floor || (now >= (old > 0 ? kNotMuchWorse * old : old) && (now > 0 || old <= 0)));
+    });
+    changed.clear();
+    for (std::size_t i = 0; i < check.size(); ++i) {
+      if (!bad[i]) continue;
+      for (VertexId v : mesh.hexes[check[i]])
+        if (factor[v] > 0 && moves[v] == 1) moves[v] = 2, changed.push_back(v);
+    }
+    for (VertexId v : changed) factor[v] = round < kHalvings ? 0.5F * factor[v] : 0.0F;
+    // Whoever holds back draws the vertices round it back a little less: a sudden step would fold the next hexes.
+    for (std::size_t i = 0; i < changed.size(); ++i) {
+      const float most = factor[changed[i]] + kFactorSlope;
+      if (most >= 1) continue;
+      for (HexId h : stars_.of(changed[i]))
+        for (VertexId w : mesh.hexes[h]) {
+          if (moves[w] == 0 || factor[w] <= most) continue;
+          factor[w] = most;
+          changed.push_back(w);
+        }
+    }
+    std::sort(changed.begin(), changed.end());
+    changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
+    for (VertexId v : changed) {
+      moves[v] = 1;
+      for (HexId h : stars_.of(v)) dirty[h] = 1;
+    }
+    check.clear();
+    for (VertexId v : changed)
+      for (HexId h : stars_.of(v))
+        if (dirty[h] == 1) dirty[h] = 2, check.push_back(h);
+  }
   return mesh;
 }
 
-namespace {
-
-// Vertices that may move: all but what is held for good, and, where `placed`, the ends of active columns.
-IdMap<VertexId, std::uint8_t> movable_vertices(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets,
-                                               const std::vector<std::uint8_t>& active, const VertexStars<HexId>& stars, Placing placing) {
-  IdMap<VertexId, std::uint8_t> movable(mesh.position.size(), 1);
-  for (VertexId v : movable.ids())
-    if (mesh.attachment[v].hold == Hold::Corner || mesh.attachment[v].hold == Hold::Fixed || stars.of(v).empty()) movable[v] = 0;
-  if (placing == Placing::Free) return movable;
-  for (std::size_t s = 0; s < sheets.size(); ++s)
-    for (std::size_t c = 0; active[s] && c < sheets[s].columns.size(); ++c)
-      movable[sheets[s].columns.bottom[c]] = movable[sheets[s].columns.top[c]] = 0;
-  return movable;
-}
-
-IdMap<VertexId, std::uint8_t> tops_of(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets,
-                                      const std::vector<std::uint8_t>& active) {
-  IdMap<VertexId, std::uint8_t> tops(mesh.position.size(), 0);
-  for (std::size_t s = 0; s < sheets.size(); ++s)
-    for (std::size_t c = 0; active[s] && c < sheets[s].columns.size(); ++c) tops[sheets[s].columns.top[c]] = 1;
-  return tops;
-}
-
-}  // namespace
-
-HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
-              Context& context) {
-  const VertexStars<HexId> stars = hexes_round_vertices(mesh);
-  const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets, stars);
-  const IdMap<VertexId, std::uint8_t> movable = movable_vertices(mesh, sheets, active, stars, Placing::Free);
-  const IdMap<VertexId, std::uint8_t> seeds = tops_of(mesh, sheets, active);
+HexMesh Inflation::settle(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, const std::vector<VertexId>& late,
+                          Context& context) const {
+  IdMap<VertexId, std::uint8_t> movable(mesh.position.size(), 0);
+  for (VertexId v : spread_.carried()) movable[v] = 1;
+  if (step.settle == Settle::Along)
+    for (const GrowingSheet& sheet : sheets)
+      for (const std::vector<VertexId>* ends : {&sheet.columns.bottom, &sheet.columns.top})
+        for (VertexId v : *ends) {
+          const Hold hold = mesh.attachment[v].hold;
+          movable[v] = hold != Hold::Corner && hold != Hold::Fixed;
+        }
   OptimiseRequest request;
-  request.ground = &ground;
+  request.ground = ground_;
   request.movable = &movable;
-  request.seeds = &seeds;
-  request.targets = &targets;
+  IdMap<HexId, HexTarget> targets;
+  if (step.settle == Settle::Along) {
+    targets = guard_.targets(sheets);
+    request.targets = &targets;
+  }
   OptimiseOptions options;
-  options.sweeps = kFreeRounds * kSweeps;
-  options.rings = kRings;
+  options.sweeps = step.sweeps;
+  options.arrival_sweeps = 0;
   options.min_scaled_jacobian = kProjectQuality;
+  IdMap<VertexId, std::uint8_t> seeds;
+  if (step.late_only) {
+    if (late.empty()) return mesh;
+    seeds.assign(mesh.position.size(), 0);
+    for (VertexId top : late)
+      for (HexId h : stars_.of(top))
+        for (VertexId v : mesh.hexes[h]) seeds[v] = movable[v];
+    request.seeds = &seeds;
+    options.rings = kLateRings;
+  }
   return optimise(std::move(mesh), request, options, context).mesh;
 }
 
-HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
-                int rounds, Context& context) {
-  const std::vector<Goal> goals = goals_of(mesh, sheets, active);
-  const VertexStars<HexId> stars = hexes_round_vertices(mesh);
-  const IdMap<HexId, HexTarget> targets = targets_of(mesh, sheets, stars);
-  const IdMap<VertexId, std::uint8_t> movable = movable_vertices(mesh, sheets, active, stars, Placing::Exact);
-  const IdMap<VertexId, std::uint8_t> seeds = tops_of(mesh, sheets, active);
-  OptimiseRequest request;
-  request.ground = &ground;
-  request.movable = &movable;
-  request.seeds = &seeds;
-  request.targets = &targets;
-  OptimiseOptions options;
-  options.sweeps = kSweeps;
-  options.rings = kRings;
-  options.min_scaled_jacobian = kProjectQuality;
-  for (int round = 0; round < rounds; ++round) {
-    context.checkpoint();
-    const std::int64_t under_way = step_tops(mesh, goals, stars, ground);
-    mesh = optimise(std::move(mesh), request, options, context).mesh;
-    if (static_cast<double>(under_way) <= kStragglers * static_cast<double>(goals.size())) break;
+Inflation::Advanced Inflation::advance(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, Context& context) const {
+  context.checkpoint();
+  IdMap<VertexId, Vec3> end = targets(mesh, sheets, step.reach);
+  IdMap<VertexId, Vec3> move(mesh.position.size(), Vec3::Zero());
+  for (const Goal& goal : goals_) {
+    move[goal.top] = step.share * (end[goal.top] - mesh.position[goal.top]);
+    end[goal.top] = mesh.position[goal.top] + move[goal.top];
   }
-  return mesh;
+  spread_.fill(move);
+  Advanced result;
+  mesh = move_safely(std::move(mesh), sheets, move, step.floor);
+  std::vector<VertexId> late;
+  for (const Goal& goal : goals_) {
+    const double thickness = thickness_of(goal, sheets, step.reach), distance = (end[goal.top] - mesh.position[goal.top]).norm();
+    if (distance > kArrived * thickness) result.left += distance / thickness, late.push_back(goal.top);
+  }
+  result.mesh = step.sweeps > 0 ? settle(std::move(mesh), sheets, step, late, context) : std::move(mesh);
+  return result;
 }
 
 double height_of(const HexMesh& mesh, const GrowingSheet& sheet, std::size_t column) {

@@ -1,10 +1,13 @@
 // Making room: the tops of columns leave the wall and push the volume before them, never through a hex.
 #pragma once
 
+#include <array>
 #include <vector>
 
-#include "core/layers/columns.h"
-#include "core/layers/wall.h"
+#include "core/layers/growing_sheet.h"
+#include "core/layers/guard.h"
+#include "core/layers/spread.h"
+#include "core/mesh/adjacency.h"
 #include "core/mesh/hex_mesh.h"
 #include "core/optimise/ground.h"
 
@@ -12,26 +15,68 @@ namespace strata {
 
 class Context;
 
-// A sheet on its way from nothing to its thickness.
-struct GrowingSheet {
-  Columns columns;
-  std::vector<Foot> feet;          // of the columns
-  std::vector<double> thickness;   // wanted, normal to the wall
-  std::vector<double> needed;      // of it for the physical layers: what is beyond may not cost quality
+// Lifts the tops of a sheet that has no thickness yet by a small part of the local size, each as far as keeps the hexes round it positive
+// (as far as little as it takes). Returns the mesh; `flat` counts hexes that no lift made positive.
+struct Opened {
+  HexMesh mesh;
+  std::vector<VertexId> flat;   // vertices of hexes that are still not positive
+};
+Opened open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground);
+
+enum class Reach { Needed, Full };   // what a column goes for: its physical layers, or blending too
+enum class Settle {
+  Around,   // the volume round the columns finds its place
+  Along,    // the ends of columns too, on their ground: they heal poor walls, and leave their exact places for now
 };
 
-// Lifts the tops of the given sheet off their bottoms by a small part of the local size, all at once: hexes of no thickness become thin.
-HexMesh open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground);
+// Moves the tops of open sheets towards their thickness. Made once for a mesh's connections.
+class Inflation {
+ public:
+  // Vertices within `rings` rings of a top give way.
+  Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings);
 
-// Lets everything round the active sheets find its place, walls on their charts and tops too, with the thickness as a wish only: a good
-// start for thick sheets and crossings.
-HexMesh relax(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
-              Context& context);
+  // The way that nearly all tops have to go at most, over the local size.
+  [[nodiscard]] double typical_way(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const;
 
-// Moves the tops of the active sheets to their thickness, in steps that keep every hex positive, and lets the rest of the mesh give way
-// between: walls of other sheets slide on their charts, inner sheets keep their shape. Bottoms of active sheets do not move.
-HexMesh inflate(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const std::vector<std::uint8_t>& active, const Ground& ground,
-                int rounds, Context& context);
+  // One step over `share` of the way. Hexes stay positive, and none that was better falls below `floor`: where it would, tops and what they
+  // carry hold back. Then the volume settles, the ends of columns held.
+  struct Step {
+    Reach reach = Reach::Full;
+    double share = 1;
+    double floor = 0;
+    int sweeps = 0;
+    Settle settle = Settle::Around;
+    bool late_only = false;  // settles only round tops that are not where they should be
+  };
+  struct Advanced {
+    HexMesh mesh;
+    double left = 0;  // what the tops held back by were short of the step's end, over their thickness, all together
+  };
+  [[nodiscard]] Advanced advance(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, Context& context) const;
+
+ private:
+  struct Goal {
+    VertexId top;
+    int sheets = 0;
+    std::array<VertexId, 2> bottom;  // in the first two sheets it is a top of
+    std::array<std::int32_t, 2> sheet{}, column{};
+    VertexId common;  // below both
+  };
+  [[nodiscard]] IdMap<VertexId, Vec3> targets(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const;
+  [[nodiscard]] static double thickness_of(const Goal& goal, const std::vector<GrowingSheet>& sheets, Reach reach);
+  [[nodiscard]] HexMesh settle(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, const std::vector<VertexId>& late,
+                               Context& context) const;
+  [[nodiscard]] HexMesh move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const IdMap<VertexId, Vec3>& move,
+                                    double floor) const;
+
+  const Ground* ground_;
+  VertexStars<HexId> stars_;
+  std::vector<Goal> goals_;  // crossings after what they are made of
+  Guard guard_;
+  IdMap<VertexId, Role> role_;
+  Spread spread_;
+  std::vector<VertexId> movers_;  // goals and carried
+};
 
 // Height of a column normal to the wall, as it is.
 double height_of(const HexMesh& mesh, const GrowingSheet& sheet, std::size_t column);

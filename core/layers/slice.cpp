@@ -77,16 +77,20 @@ void place_points(HexMesh& mesh, const Cut& cut, const Ground& ground) {
   mesh.attachment.resize(mesh.position.size());
   parallel_for(columns.size(), [&](std::size_t c) {
     const Vec3 from = mesh.position[columns.bottom[c]], to = mesh.position[columns.top[c]];
+    // Ends that stay off the ground take the points between along.
+    Vec3 low = Vec3::Zero(), high = Vec3::Zero();
+    if (held[c].hold != Hold::Free) low = from - ground.project(held[c], from).position, high = to - ground.project(held[c], to).position;
     for (std::size_t i = 0; i < inner; ++i) {
       const VertexId v(cut.first_new.index() + c * inner + i);
-      const Vec3 p = from + cut.stack->level[c * cells + i] * (to - from);
+      const double level = cut.stack->level[c * cells + i];
+      const Vec3 p = from + level * (to - from);
       mesh.attachment[v] = held[c];
-      mesh.position[v] = held[c].hold == Hold::Free ? p : ground.project(held[c], p).position;
+      mesh.position[v] = held[c].hold == Hold::Free ? p : Vec3(ground.project(held[c], p).position + (1 - level) * low + level * high);
     }
   });
 }
 
-void cut_hexes(HexMesh& mesh, const Cut& cut) {
+void cut_hexes(HexMesh& mesh, IdMap<HexId, HexId>& parent, const Cut& cut) {
   const std::size_t count = mesh.hexes.size();
   std::vector<Crossing> crossing(count);
   std::vector<std::int64_t> at(count);
@@ -98,6 +102,7 @@ void cut_hexes(HexMesh& mesh, const Cut& cut) {
   IdMap<HexId, HexVertices> hexes(total);
   IdMap<HexId, RegionId> region(total);
   IdMap<HexId, std::uint16_t> layer(total);
+  IdMap<HexId, HexId> from(total);
   parallel_for(count, [&](std::size_t h) {
     const HexVertices& old = mesh.hexes[HexId(h)];
     const std::uint16_t under = mesh.layer[HexId(h)];
@@ -107,6 +112,7 @@ void cut_hexes(HexMesh& mesh, const Cut& cut) {
     for (int k = 0; k < cells; ++k) {
       const HexId id(first + static_cast<std::size_t>(k));
       region[id] = mesh.region[HexId(h)];
+      from[id] = parent[HexId(h)];
       hexes[id] = old;
       layer[id] = under;
       if (x.axis < 0) continue;
@@ -123,6 +129,7 @@ void cut_hexes(HexMesh& mesh, const Cut& cut) {
   mesh.hexes = std::move(hexes);
   mesh.region = std::move(region);
   mesh.layer = std::move(layer);
+  parent = std::move(from);
 }
 
 void cut_quads(HexMesh& mesh, const Cut& cut) {
@@ -242,7 +249,9 @@ void add_wedge_hexes(HexMesh& mesh, const Cut& cut) {
 
 }  // namespace
 
-HexMesh slice(HexMesh mesh, std::vector<Stack> stacks, const Ground& ground) {
+Sliced slice(HexMesh mesh, std::vector<Stack> stacks, const Ground& ground) {
+  IdMap<HexId, HexId> parent(mesh.hexes.size());
+  for (HexId h : parent.ids()) parent[h] = h;
   for (std::size_t s = 0; s < stacks.size(); ++s) {
     const Stack& stack = stacks[s];
     Cut cut{&stack, IdMap<VertexId, std::int32_t>(mesh.position.size(), -1), mesh.position.next_id()};
@@ -250,12 +259,13 @@ HexMesh slice(HexMesh mesh, std::vector<Stack> stacks, const Ground& ground) {
     place_points(mesh, cut, ground);
     cut.column_on.resize(mesh.position.size(), -1);
     for (std::size_t t = s + 1; t < stacks.size(); ++t) continue_columns(cut, stacks[t]);
-    cut_hexes(mesh, cut);
+    cut_hexes(mesh, parent, cut);
     cut_quads(mesh, cut);
     push_middles(mesh, cut);
     add_wedge_hexes(mesh, cut);
+    parent.resize(mesh.hexes.size());
   }
-  return mesh;
+  return {std::move(mesh), std::move(parent)};
 }
 
 }  // namespace strata

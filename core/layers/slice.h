@@ -20,6 +20,10 @@ struct Stack {
 // Cuts every stack: a hex that lies in sheets of n and m layers becomes n x m hexes. Points of a column that lies on the surface are put
 // back on it. Prisms become wedge hexes: one for two layers, the middle point pushed into the next column (paper section 9); `cells` must be
 // even there. HexMesh::layer counts from the wall, blending layers continue the count; in crossings the smaller number counts.
-HexMesh slice(HexMesh mesh, std::vector<Stack> stacks, const Ground& ground);
+struct Sliced {
+  HexMesh mesh;
+  IdMap<HexId, HexId> parent;  // the hex each was cut from; invalid for wedge hexes
+};
+Sliced slice(HexMesh mesh, std::vector<Stack> stacks, const Ground& ground);
 
 }  // namespace strata

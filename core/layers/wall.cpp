@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include "core/base/parallel.h"
 
@@ -12,6 +14,8 @@ constexpr double kGoodVisibility = 0.7;   // the mean of the normals serves whil
 constexpr double kMostStretch = 2;        // longer columns would cross their neighbours before they gain height
 constexpr double kGapShare = 0.35;        // of the way to the opposite wall, which may want layers too
 constexpr double kRayStart = 1e-3;        // of the local size: off the own wall
+constexpr double kOwnWall = 0.5;          // of the local size: nearer hits may be the own wall
+constexpr int kMostOwnWalls = 4;
 constexpr double kThicknessSlope = 0.4;   // largest change of thickness per unit length along the wall
 constexpr int kSlopeSweeps = 60;
 
@@ -104,6 +108,8 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
       foot.growth = growth / laws;
     }
     foot.direction = most_visible(normals);
+    const Foothold own = ground.project({Hold::Chart, mesh.chart[quad_of(at[i].facet)].value}, mesh.position[columns.bottom[c]]);
+    foot.own_sense = own.direction.dot(foot.direction) > 0 ? 1 : -1;
     for (const Vec3& n : normals) foot.normal += n / static_cast<double>(normals.size());
     const Attachment& held = mesh.attachment[columns.top[c]];
     if (held.hold == Hold::Chart || held.hold == Hold::Curve) {
@@ -118,36 +124,66 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
   return feet;
 }
 
-std::vector<double> thickness_at(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns,
-                                 const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws, const Locator& locator) {
-  std::vector<double> thickness(columns.size());
+// Along the column's direction. A vertex of the wall may lie a little behind the surface, which is then hit first: from behind, as the wall
+// itself is seen, and near.
+std::optional<double> way_to_opposite_wall(const Vec3& from, const Foot& foot, double limit, const Surface& surface,
+                                           const Locator& locator) {
+  double begin = 0;
+  for (int i = 0; i < kMostOwnWalls && begin < limit; ++i) {
+    const auto hit = locator.first_hit(from + begin * foot.direction, foot.direction, limit - begin);
+    if (!hit) return std::nullopt;
+    const double way = begin + hit->s;
+    const auto& t = surface.triangles[hit->triangle];
+    const Vec3 normal = (surface.points[t[1]] - surface.points[t[0]]).cross(surface.points[t[2]] - surface.points[t[0]]);
+    if (way > kOwnWall * foot.size || normal.dot(foot.direction) * foot.own_sense <= 0) return way;
+    begin = way + kRayStart * foot.size;
+  }
+  return std::nullopt;
+}
+
+std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws,
+                            const Surface& surface, const Locator& locator) {
+  std::vector<double> room(columns.size(), std::numeric_limits<double>::infinity());
   parallel_for(
       columns.size(),
       [&](std::size_t c) {
-        thickness[c] = wished_thickness(laws[c], feet[c].size);
-        if (mesh.attachment[columns.top[c]].hold != Hold::Free) return;   // a ray along the surface hits it
+        if (mesh.attachment[columns.top[c]].hold != Hold::Free) return;  // a ray along the surface hits it
         const Vec3 from = mesh.position[columns.bottom[c]] + feet[c].direction * (kRayStart * feet[c].size);
-        const double limit = thickness[c] * feet[c].stretch / kGapShare;
-        if (const auto hit = locator.first_hit(from, feet[c].direction, limit))
-          thickness[c] = std::min(thickness[c], std::max(hit->s * kGapShare / feet[c].stretch, kRayStart * feet[c].size));
+        const double limit = wished_thickness(laws[c], feet[c].size) * feet[c].stretch / kGapShare;
+        if (const auto gap = way_to_opposite_wall(from, feet[c], limit, surface, locator))
+          room[c] = std::max(*gap * kGapShare / feet[c].stretch, kRayStart * feet[c].size);
       },
       256);
+  return room;
+}
+
+std::vector<std::array<std::int32_t, 2>> columns_beside(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns) {
+  std::vector<std::array<std::int32_t, 2>> beside;
+  for (FacetIndex f : wall) {
+    const QuadVertices& q = mesh.quads[quad_of(f)];
+    for (std::size_t e = 0; e < 4; ++e) {
+      const std::int32_t a = columns.find(q[e]), b = columns.find(q[(e + 1) & 3]);
+      if (a >= 0 && b >= 0) beside.push_back({std::min(a, b), std::max(a, b)});
+    }
+  }
+  std::sort(beside.begin(), beside.end());
+  beside.erase(std::unique(beside.begin(), beside.end()), beside.end());
+  return beside;
+}
+
+void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside,
+           std::vector<double>& thickness) {
   for (int sweep = 0; sweep < kSlopeSweeps; ++sweep) {
     bool changed = false;
-    for (FacetIndex f : wall) {
-      const QuadVertices& q = mesh.quads[quad_of(f)];
-      for (std::size_t e = 0; e < 4; ++e) {
-        const std::int32_t a = columns.find(q[e]), b = columns.find(q[(e + 1) & 3]);
-        if (a < 0 || b < 0) continue;
-        const double slope = kThicknessSlope * (mesh.position[q[e]] - mesh.position[q[(e + 1) & 3]]).norm();
-        double &ta = thickness[static_cast<std::size_t>(a)], &tb = thickness[static_cast<std::size_t>(b)];
-        if (ta > tb + slope) ta = tb + slope, changed = true;
-        if (tb > ta + slope) tb = ta + slope, changed = true;
-      }
+    for (const auto& [a, b] : beside) {
+      const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
+      const double slope = kThicknessSlope * (mesh.position[columns.bottom[i]] - mesh.position[columns.bottom[j]]).norm();
+      double &ti = thickness[i], &tj = thickness[j];
+      if (ti > tj + slope) ti = tj + slope, changed = true;
+      if (tj > ti + slope) tj = ti + slope, changed = true;
     }
     if (!changed) break;
   }
-  return thickness;
 }
 
 }  // namespace strata

@@ -1,6 +1,7 @@
 // The wall under a group: its facets, and at each column's foot the direction, the size and the heights wanted there.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "core/layers/columns.h"
@@ -26,6 +27,7 @@ Vec3 most_visible(const std::vector<Vec3>& normals);
 struct Foot {
   Vec3 direction = Vec3::Zero();  // unit; along the surface where the column's top is held there
   Vec3 normal = Vec3::Zero();     // mean of the unit normals round it, not unit itself: a column's height is its part along this
+  double own_sense = -1;          // whether the direction goes with (1) or against (-1) the normal of the surface under it
   double stretch = 1;             // column length over height normal to the wall
   double size = 0;                // mean edge length of the wall there
   FrontIndex front = kNoFront;    // one of the fronts it stands on
@@ -35,8 +37,14 @@ struct Foot {
 std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns, const Ground& ground,
                           const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes);
 
-// For each foot the thickness (normal to the wall) that fits: the law's wish, at most a share of the gap in front of the wall, graded.
-std::vector<double> thickness_at(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns,
-                                 const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws, const Locator& locator);
+// For each foot the thickness (normal to the wall) that there is room for: a share of the gap in front of the wall, as far as the laws ask.
+std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws,
+                            const Surface& surface, const Locator& locator);
+
+// Pairs of columns that an edge of the wall joins, once each.
+std::vector<std::array<std::int32_t, 2>> columns_beside(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns);
+// Lowers thicknesses so that they change gently along the wall.
+void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside,
+           std::vector<double>& thickness);
 
 }  // namespace strata

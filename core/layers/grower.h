@@ -1,0 +1,82 @@
+// The work of growing layers: sheets go in, open, gain their thickness, are cut.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "core/layers/grow_layers.h"
+#include "core/layers/growing_sheet.h"
+#include "core/layers/inflate.h"
+#include "core/layers/plan.h"
+#include "core/layers/size_law.h"
+#include "core/layers/slice.h"
+#include "core/surface/locator.h"
+
+namespace strata {
+
+struct LayerRequest {
+  const std::vector<LayerSpec>& entries;
+  const IdMap<PatchId, PatchWish>& wishes;
+  const Ground& ground;
+  const Locator& locator;
+  int rings;                           // of vertices that give way
+};
+
+// One group's sheet.
+struct GroupSheet {
+  std::int32_t group = -1;
+  HexId first;
+  std::size_t count = 0;
+  int blending = -1;                   // -1: not decided yet
+  GrowingSheet growing;
+  std::vector<ColumnLaw> laws;
+  Columns measured;                    // those that stood before later sheets went in, and the gap in front of each
+  std::vector<double> room;
+  std::vector<double> scale;           // of the physical heights, by column: less than 1 where they did not fit
+  Prisms prisms;
+};
+
+class Grower {
+ public:
+  Grower(HexMesh mesh, LayerPlan plan, const LayerRequest& request, Context& context);
+
+  // Puts the group's sheet in, without thickness. False: it would pinch; `failed` names the fronts.
+  bool insert(std::int32_t group);
+  // Lets the sheets that have no thickness yet open.
+  void open();
+  // Lets the columns on borders that end in wedges vanish; sheets with such borders must not be open yet.
+  void collapse_wedges();
+  // All sheets gain their thickness together.
+  void inflate();
+  // Cuts the sheets. Heights shrink locally where a layer would not be positive. Afterwards mesh, plan and fraction are the result.
+  void cut();
+
+  HexMesh mesh;
+  LayerPlan plan;
+  std::vector<FrontIndex> failed;
+  IdMap<VertexId, double> fraction;    // after cut: delivered over wished thickness at the foot of each column; negative: none there
+  [[nodiscard]] bool empty() const { return sheets_.empty(); }
+
+ private:
+  bool widen(const std::vector<VertexId>& pinches, std::int32_t group);
+  void measure_feet(GroupSheet& sheet) const;
+  void decide_law(GroupSheet& sheet) const;
+  void forget_room_on_strips(GroupSheet& sheet) const;
+  std::vector<std::vector<double>> hold_back(Reach reach, double growth);
+  [[nodiscard]] const LayerSpec& entry_of(FrontIndex front) const;
+  [[nodiscard]] std::vector<GrowingSheet> growing() const;
+  [[nodiscard]] std::vector<Stack> stacks();
+  [[nodiscard]] bool shrink_round(const std::vector<HexId>& bad_parents);
+
+  const LayerRequest& request_;
+  Context& context_;
+  std::vector<std::int32_t> widened_;  // group a bare quad was given to, by quad; -1
+  std::vector<GroupSheet> sheets_;
+  std::size_t opened_ = 0;             // sheets before it are open
+  HexId first_sheet_hex_;
+};
+
+// Hexes that are not positive at a corner or in the middle.
+std::vector<HexId> not_positive(const HexMesh& mesh);
+
+}  // namespace strata

@@ -1,0 +1,35 @@
+// What a hex will be worth once its sheets are cut into layers.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/layers/growing_sheet.h"
+#include "core/optimise/optimise.h"
+
+namespace strata {
+
+// Which columns cross which hexes: made once for a mesh's connections, asked with any positions.
+class Guard {
+ public:
+  Guard(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets);
+
+  // Smallest scaled Jacobian at the corners of the hex and, for each sheet that crosses it, at those of its first layer and of what lies
+  // above the physical layers.
+  [[nodiscard]] double quality(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, HexId h) const;
+  // Hexes in sheets want the thickness their columns want, the others are cubes.
+  [[nodiscard]] IdMap<HexId, HexTarget> targets(const std::vector<GrowingSheet>& sheets) const;
+  [[nodiscard]] bool crossed(HexId h) const { return first_[h] < first_[HexId(h.value + 1)]; }
+
+ private:
+  struct Crossing {
+    std::int32_t sheet = -1;
+    std::int8_t axis = 0;
+    bool reversed = false;                      // the wall is at the end of the axis
+    std::array<std::int32_t, 4> column{};       // on each of the four edges along the axis
+  };
+  IdMap<HexId, std::int32_t> first_;            // crossings of h: first_[h] .. first_[h + 1]
+  std::vector<Crossing> crossings_;
+};
+
+}  // namespace strata

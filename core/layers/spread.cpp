@@ -1,0 +1,79 @@
+#include "core/layers/spread.h"
+
+#include <algorithm>
+
+#include "core/base/parallel.h"
+#include "core/mesh/hex.h"
+
+namespace strata {
+namespace {
+
+constexpr int kSweeps = 12;  // of Jacobi, from a start that decays ring by ring
+
+}  // namespace
+
+Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings) {
+  IdMap<VertexId, std::uint8_t> reached(mesh.position.size(), 0);
+  std::vector<VertexId> front;
+  for (VertexId v : role.ids())
+    if (role[v] == Role::Driven) reached[v] = 1, front.push_back(v);
+  for (int ring = 0; ring < rings && !front.empty(); ++ring) {
+    std::vector<VertexId> next;
+    for (VertexId v : front)
+      for (HexId h : stars.of(v))
+        for (VertexId w : mesh.hexes[h])
+          if (!reached[w]) reached[w] = 1, next.push_back(w);
+    std::sort(next.begin(), next.end());
+    for (VertexId v : next)
+      if (role[v] == Role::Carried) carried_.push_back(v);
+    ring_end_.push_back(carried_.size());
+    front = std::move(next);
+  }
+  std::vector<std::vector<VertexId>> beside(carried_.size());
+  parallel_for(carried_.size(), [&](std::size_t i) {
+    const VertexId v = carried_[i];
+    for (HexId h : stars.of(v)) {
+      const HexVertices& hex = mesh.hexes[h];
+      const auto corner = static_cast<std::size_t>(std::find(hex.begin(), hex.end(), v) - hex.begin());
+      for (const std::int8_t n : kHexCorners[corner]) beside[i].push_back(hex[static_cast<std::size_t>(n)]);
+    }
+    std::sort(beside[i].begin(), beside[i].end());
+    beside[i].erase(std::unique(beside[i].begin(), beside[i].end()), beside[i].end());
+  });
+  first_.push_back(0);
+  for (const std::vector<VertexId>& b : beside) {
+    neighbours_.insert(neighbours_.end(), b.begin(), b.end());
+    first_.push_back(static_cast<std::int32_t>(neighbours_.size()));
+  }
+}
+
+void Spread::fill(IdMap<VertexId, Vec3>& move) const {
+  const auto rings = static_cast<double>(ring_end_.size());
+  for (VertexId v : carried_) move[v] = Vec3::Zero();
+  const auto mean = [&](std::size_t i) {
+    Vec3 sum = Vec3::Zero();
+    for (auto k = static_cast<std::size_t>(first_[i]); k < static_cast<std::size_t>(first_[i + 1]); ++k) sum += move[neighbours_[k]];
+    return Vec3(sum / std::max(first_[i + 1] - first_[i], 1));
+  };
+  std::vector<Vec3> fresh(carried_.size());
+  const auto update = [&](std::size_t begin, std::size_t end, const auto& value) {
+    parallel_for(end - begin, [&](std::size_t i) { fresh[begin + i] = value(begin + i); });
+    parallel_for(end - begin, [&](std::size_t i) { move[carried_[begin + i]] = fresh[begin + i]; });
+  };
+  // Start: each ring takes its share of the longest move under it.
+  std::size_t begin = 0;
+  for (std::size_t ring = 0; ring < ring_end_.size(); ++ring) {
+    const double left = (rings - static_cast<double>(ring)) / (rings + 1 - static_cast<double>(ring));
+    update(begin, ring_end_[ring], [&](std::size_t i) {
+      Vec3 sum = Vec3::Zero();
+      int count = 0;
+      for (auto k = static_cast<std::size_t>(first_[i]); k < static_cast<std::size_t>(first_[i + 1]); ++k)
+        if (const Vec3& m = move[neighbours_[k]]; m.squaredNorm() > 0) sum += m, ++count;
+      return Vec3(sum * (left / std::max(count, 1)));
+    });
+    begin = ring_end_[ring];
+  }
+  for (int sweep = 0; sweep < kSweeps; ++sweep) update(0, carried_.size(), mean);
+}
+
+}  // namespace strata
