@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "core/estimate.h"
 #include "core/features/features.h"
 #include "core/fit/fit.h"
+#include "core/fit/part_contacts.h"
 #include "core/ladder.h"
 #include "core/layers/grow_layers.h"
 #include "core/octree/octree.h"
@@ -74,8 +76,8 @@ void report_halved(int times, Context& context) {
 }
 
 // From sizes to the hexes to keep. Where none fits into the volume, smaller cells are tried.
-HexMesh carve_cells(const Surface& surface, SizeField sizes, const MeshSpec& spec, const Observer& observer, std::int64_t triangles,
-                    Context& context) {
+Carved carve_cells(const Surface& surface, SizeField sizes, const MeshSpec& spec, const Observer& observer, std::int64_t triangles,
+                   Context& context) {
   const Locator locator(surface);
   for (int halved = 0;; ++halved) {
     context.begin(Stage::RefineOctree);
@@ -87,15 +89,35 @@ HexMesh carve_cells(const Surface& surface, SizeField sizes, const MeshSpec& spe
 
     context.begin(Stage::Carve);
     try {
-      HexMesh mesh = carve(std::move(dual), surface, locator, {.volume = spec.volume}, context);
-      require(mesh, {.quads_per_hex = kFacesOfHex, .labelled = false});
+      Carved carved = carve(std::move(dual), surface, locator, {.volume = spec.volume}, context);
+      require(carved.mesh, {.quads_per_hex = kFacesOfHex, .labelled = false});
       report_halved(halved, context);
-      return mesh;
+      return carved;
     } catch (const MeshError& error) {
       if (error.diagnostic().reason != Reason::RegionTooThin || halved == kFinerTries) throw;
     }
     halve(sizes);
   }
+}
+
+// The surface without what bounds no meshed volume: other solids, shells in a volume meshed as one. Empty: all of it bounds some.
+std::optional<Surface> without_strangers(const Surface& surface, const IdMap<TriangleId, Bounds>& bounds, Context& context) {
+  IdMap<TriangleId, std::uint8_t> keep(surface.triangles.size(), std::uint8_t{1});
+  Diagnostic diagnostic;
+  for (TriangleId t : bounds.ids()) {
+    if (bounds[t] != Bounds::Nothing) continue;
+    keep[t] = 0;
+    ++diagnostic.count;
+    for (const Vec3& p : surface.corners(t)) diagnostic.box.add(surface.frame.to_input(p));
+    if (diagnostic.triangles.size() < Diagnostic::kMaxListed) diagnostic.triangles.push_back(surface.source[t]);
+  }
+  if (diagnostic.count == 0 || diagnostic.count == static_cast<std::int64_t>(keep.size())) return {};
+  diagnostic.reason = Reason::SurfaceSheetDropped;
+  diagnostic.severity = Severity::Info;
+  diagnostic.values = {{"count", static_cast<double>(diagnostic.count)}};
+  diagnostic.message = std::to_string(diagnostic.count) + " triangles bound none of the meshed volumes: the mesh does not follow them";
+  context.adjusted(std::move(diagnostic));
+  return part_of(surface, keep);
 }
 
 // What the stages from the fit on share.
@@ -156,6 +178,22 @@ HexMesh fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& 
   return std::move(fitted.mesh);
 }
 
+// Whoever reads a mesh whose skin touches itself takes the place for a crack.
+HexMesh take_off_itself(HexMesh mesh, Context& context) {
+  PartedContacts parted = part_contacts(std::move(mesh));
+  if (parted.left > 0) require_no_contacts(parted.mesh);
+  if (parted.moved > 0) {
+    Diagnostic diagnostic;
+    diagnostic.reason = Reason::SurfaceFitRelaxed;
+    diagnostic.severity = Severity::Warning;
+    diagnostic.count = parted.moved;
+    diagnostic.values = {{"vertices", static_cast<double>(parted.moved)}};
+    diagnostic.message = std::to_string(parted.moved) + " boundary vertices were drawn in, because the skin touched itself there";
+    context.adjusted(std::move(diagnostic));
+  }
+  return std::move(parted.mesh);
+}
+
 // The ladder's last rungs: what cannot be fitted keeps the staircase of its cells, in the buffer layer or bare.
 HexMesh fit_or_fall(HexMesh carved, const Run& run) {
   HexMesh mesh, wrapped;
@@ -172,7 +210,7 @@ HexMesh fit_or_fall(HexMesh carved, const Run& run) {
       tell_quality(Stage::FitToSmooth, mesh, run);
       mesh = fit_features(std::move(mesh), run.ground, run.rung, run.context);
       require(mesh);
-      require_no_contacts(mesh);
+      mesh = take_off_itself(std::move(mesh), run.context);
       tell_quality(Stage::FitToFeatures, mesh, run);
     });
     if (!failure) return mesh;
@@ -266,16 +304,19 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, cons
   const MeshSpec spec = in_working_frame(wish, surface.frame);
 
   context.begin(Stage::DetectFeatures);
-  const Features features = detect_features(surface, {.ridge_angle = spec.features.ridge_angle}, context);
+  const Features features = detect_features(surface, feature_options(spec), context);
 
   context.begin(Stage::MakeSizeField);
   const SizeField sizes = make_size_field(surface, features, size_options(spec, surface), context);
 
-  HexMesh mesh = carve_cells(surface, sizes, spec, observer, triangles, context);
+  Carved carved = carve_cells(surface, sizes, spec, observer, triangles, context);
 
-  const Ground ground(surface, features);
-  const Run run{surface, ground, observer, context, outcome.rung};
-  mesh = fit_or_fall(std::move(mesh), run);
+  const std::optional<Surface> part = without_strangers(surface, carved.bounds, context);
+  const std::optional<Features> part_features = part ? std::optional(detect_features(*part, feature_options(spec), context)) : std::nullopt;
+  const Surface& skin = part ? *part : surface;
+  const Ground ground(skin, part_features ? *part_features : features);
+  const Run run{skin, ground, observer, context, outcome.rung};
+  HexMesh mesh = fit_or_fall(std::move(carved.mesh), run);
 
   std::vector<PatchLayers> grown;
   if (!spec.layers.empty()) mesh = grow_or_drop(std::move(mesh), spec.layers, grown, run);
@@ -304,7 +345,7 @@ CheckReport check_request(TriangleSoup soup, const MeshSpec& wish, Context& cont
         std::none_of(report.findings.begin(), report.findings.end(), [](const Diagnostic& d) { return d.severity == Severity::Error; });
     if (usable) {
       const MeshSpec spec = in_working_frame(wish, surface.frame);
-      const Features features = detect_features(surface, {.ridge_angle = spec.features.ridge_angle}, context);
+      const Features features = detect_features(surface, feature_options(spec), context);
       const SizeField sizes = make_size_field(surface, features, size_options(spec, surface), context);
       const Octree octree = refine_octree(surface, sizes, octree_options(spec), context);
       report.estimate = estimate_of(report.estimate.triangles, octree, spec);

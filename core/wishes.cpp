@@ -61,4 +61,6 @@ OctreeOptions octree_options(const MeshSpec& spec) {
   return options;
 }
 
+FeatureOptions feature_options(const MeshSpec& spec) { return {.ridge_angle = spec.features.ridge_angle}; }
+
 }  // namespace strata

@@ -187,8 +187,8 @@ void settle_regions(HexMesh& mesh, std::int32_t regions, VolumeMode mode, Contex
 
 }  // namespace
 
-HexMesh carve(Dual dual, const Surface& surface, const Locator& locator, const CarveOptions& options, Context& context) {
-  const NodeColours colours = colour_nodes(dual, surface, locator, options.volume, context);
+Carved carve(Dual dual, const Surface& surface, const Locator& locator, const CarveOptions& options, Context& context) {
+  NodeColours colours = colour_nodes(dual, surface, locator, options.volume, context);
   context.checkpoint();
   const std::optional<Locator> walls = walls_without_interfaces(surface, colours.bounds);
   HexChoice choice = choose_hexes({dual, locator, walls ? *walls : locator, colours, options.depth});
@@ -200,7 +200,7 @@ HexMesh carve(Dual dual, const Surface& surface, const Locator& locator, const C
   mesh = compact(mesh, choice);
   settle_regions(mesh, colours.regions, options.volume.mode, context);
   emit_quads(mesh);
-  return mesh;
+  return {std::move(mesh), std::move(colours.bounds)};
 }
 
 }  // namespace strata

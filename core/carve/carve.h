@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "core/carve/bounds.h"
 #include "core/dual/dual.h"
 #include "core/mesh/hex_mesh.h"
 #include "core/spec/mesh_spec.h"
@@ -20,11 +21,16 @@ struct CarveOptions {
   double depth = 0.3;
 };
 
+struct Carved {
+  HexMesh mesh;
+  IdMap<TriangleId, Bounds> bounds;  // what the surface's triangles bound
+};
+
 // Returns kept hexes with their region; quads hold the skin and the interfaces, oriented as HexMesh asks, unlabelled (patch and chart
 // invalid). Each region's boundary is a 2-manifold: one fan of quads round every vertex; hexes with more
 // than 3 boundary faces are left only where a region is one cell thick.
 // Throws MeshError(InvalidInput, RegionNotFound | SurfaceNotClosed) when nothing is inside or a seed point leaks out, RegionTooThin when
 // smaller cells might help.
-HexMesh carve(Dual dual, const Surface& surface, const Locator& locator, const CarveOptions& options, Context& context);
+Carved carve(Dual dual, const Surface& surface, const Locator& locator, const CarveOptions& options, Context& context);
 
 }  // namespace strata

@@ -272,6 +272,8 @@ Numbering number_by_points(const Dual& dual, const Components& components, const
     Box box;
     box.add(surface.frame.to_input(points[i]));
     const std::int32_t c = component_of_point(points[i], dual, components, locator);
+    if (locator.closest(points[i], kHair).triangle.valid())
+      throw_no_region(Reason::RegionNotFound, name + " lies on the surface itself: move it into the volume", field, box);
     if (c < 0) throw_no_region(Reason::RegionTooThin, name + " lies on the surface or in a gap narrower than the cells", field, box);
     if (outside[static_cast<std::size_t>(c)] != 0) {
       const bool leak = !surface.closed && std::abs(locator.winding_number(points[i])) > 0.5;

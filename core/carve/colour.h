@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/carve/bounds.h"
 #include "core/dual/dual.h"
 #include "core/spec/mesh_spec.h"
 #include "core/surface/locator.h"
@@ -14,13 +15,6 @@ class Context;
 
 inline constexpr std::int32_t kVoid = -1;       // outside, or in a volume that is not meshed
 inline constexpr std::int32_t kUndecided = -2;  // on the surface, or in a pocket of a few nodes
-
-enum class Bounds : std::uint8_t {
-  Unknown,    // too small for any cell to meet it, as all of its neighbours
-  Nothing,    // the same on both sides, or no meshed region on either
-  Wall,       // one region
-  Interface,  // two regions
-};
 
 struct NodeColours {
   IdMap<VertexId, std::int32_t> colour;         // region, kVoid or kUndecided

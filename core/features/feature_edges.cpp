@@ -5,8 +5,8 @@
 #include <numeric>
 
 #include "core/base/parallel.h"
-#include "core/surface/draft.h"
 #include "core/base/triangle_geometry.h"
+#include "core/surface/draft.h"
 
 namespace strata {
 namespace {
@@ -39,8 +39,10 @@ class PointGroups {
   std::vector<std::int32_t> root_;
 };
 
+// An open edge is none: the mesh closes the surface there.
 bool is_hard(const Surface& surface, const FeatureEdge& e) {
-  return e.count != 2 || !e.forward.valid() || !e.backward.valid() || surface.patch[e.forward] != surface.patch[e.backward];
+  return e.count > 2 ||
+         (e.count == 2 && (!e.forward.valid() || !e.backward.valid() || surface.patch[e.forward] != surface.patch[e.backward]));
 }
 
 // The sharpest turn beside the edge: over the sides of its two triangles and of the triangles next to them, but for ridges

@@ -24,7 +24,7 @@ struct FeatureEdge {
 // Sorted by (low, high).
 std::vector<FeatureEdge> all_edges(const Surface& surface);
 
-// 1 for every edge of `edges` that is a feature: patch borders, open and non-manifold edges, ridges with hysteresis.
+// 1 for every edge of `edges` that is a feature: patch borders, non-manifold edges, ridges with hysteresis.
 std::vector<char> mark_features(const Surface& surface, const std::vector<FeatureEdge>& edges, double ridge_angle);
 
 }  // namespace strata

@@ -20,8 +20,7 @@ struct Curve {
   std::vector<PointId> points;   // polyline; closed curves do not repeat the first point
   bool closed = false;
   CornerId first, last;          // invalid when closed (a closed curve may pass one corner: then both are that corner)
-  ChartId left, right;           // charts on either side, seen along the polyline with normals up; equal for a dangling crease;
-                                 // an open border has an invalid right
+  ChartId left, right;           // charts on either side, seen along the polyline with normals up; equal for a dangling crease
   bool manifold = true;          // exactly two triangles at every edge
   double length = 0;
   // Interior dihedral angle measured inside the volume the normals point out of, radians, length-weighted mean, min and max:
@@ -53,8 +52,8 @@ struct Features {
   [[nodiscard]] std::size_t chart_count() const { return patch_of_chart.size(); }
 };
 
-// Ridges by dihedral angle with hysteresis, patch borders, open and non-manifold edges; corners where curves meet, turn sharply or
-// end, and cone tips. Deterministic.
+// Ridges by dihedral angle with hysteresis, patch borders, non-manifold edges (open ones are none); corners where curves meet, turn sharply
+// or end, and cone tips. Deterministic.
 Features detect_features(const Surface& surface, const FeatureOptions& options, Context& context);
 
 }  // namespace strata

@@ -13,6 +13,7 @@ namespace strata {
 namespace {
 
 // One vertex this many times further out than the typical one leaves nothing of the rest at any affordable cell size.
+constexpr double kLargestCoordinate = 1e30;  // squares of lengths must not overflow in the float formats that read the mesh
 constexpr double kOutlier = 1e6;
 
 std::string text(double value) {
@@ -99,6 +100,9 @@ Draft framed(TriangleSoup& soup) {
   Box box;
   for (const auto& t : soup.triangles)
     for (const std::int32_t p : t) box.add(soup.points[static_cast<std::size_t>(p)]);
+  if (const double largest = std::max(-box.min.minCoeff(), box.max.maxCoeff()); largest >= kLargestCoordinate)
+    refuse(Reason::SurfaceExtentUnusable,
+           "coordinates reach " + text(largest) + ", but must stay below " + text(kLargestCoordinate) + ": choose a larger unit", box);
   const Vec3 extent = box.extent();
   const double longest = extent.maxCoeff();
   if (!std::isfinite(longest) || !(longest > 0))
@@ -203,6 +207,25 @@ void report_edges(const Draft& draft, const std::vector<Side>& sides, Context& c
 
 }  // namespace
 
+void connect(Surface& surface) {
+  std::vector<std::array<std::int32_t, 3>> triangles;
+  triangles.reserve(surface.triangles.size());
+  for (const TrianglePoints& t : surface.triangles) triangles.push_back({t[0].value, t[1].value, t[2].value});
+  const std::vector<Side> sides = sorted_sides(triangles);
+  surface.neighbours.assign(triangles.size(), EdgeNeighbours{});
+  surface.closed = true;
+  for_each_edge(sides, [&](std::size_t first, std::size_t last) {
+    if (last - first == 1) surface.closed = false;
+    if (last - first != 2) return;
+    const Side &a = sides[first], &b = sides[first + 1];
+    surface.neighbours[TriangleId(a.triangle)][static_cast<std::size_t>(a.side)] = TriangleId(b.triangle);
+    surface.neighbours[TriangleId(b.triangle)][static_cast<std::size_t>(b.side)] = TriangleId(a.triangle);
+  });
+  surface.component = IdMap<TriangleId, std::int32_t>(components(triangles, sides));
+  surface.component_count = 0;
+  for (const std::int32_t c : surface.component) surface.component_count = std::max(surface.component_count, c + 1);
+}
+
 Surface condition(TriangleSoup soup, Context& context) {
   check_values(soup);
   Draft draft = framed(soup);
@@ -226,20 +249,8 @@ Surface condition(TriangleSoup soup, Context& context) {
       surface.triangles[TriangleId(t)][i] = number[p];
     }
 
-  const std::vector<Side> sides = sorted_sides(draft.triangles);
-  surface.neighbours.resize(draft.size());
-  surface.closed = true;
-  for_each_edge(sides, [&](std::size_t first, std::size_t last) {
-    if (last - first == 1) surface.closed = false;
-    if (last - first != 2) return;
-    const Side &a = sides[first], &b = sides[first + 1];
-    surface.neighbours[TriangleId(a.triangle)][static_cast<std::size_t>(a.side)] = TriangleId(b.triangle);
-    surface.neighbours[TriangleId(b.triangle)][static_cast<std::size_t>(b.side)] = TriangleId(a.triangle);
-  });
-  report_edges(draft, sides, context);
-
-  surface.component = IdMap<TriangleId, std::int32_t>(components(draft.triangles, sides));
-  for (const std::int32_t c : surface.component) surface.component_count = std::max(surface.component_count, c + 1);
+  report_edges(draft, sorted_sides(draft.triangles), context);
+  connect(surface);
   surface.patch.resize(draft.size());
   surface.normal.resize(draft.size());
   parallel_for(draft.size(), [&](std::size_t i) {

@@ -83,6 +83,8 @@ Duplicates drop_duplicates(Draft& draft);
 Repair drop_sheets(Draft& draft);
 // Makes the orientation agree across manifold edges; outwards (positive volume) per closed piece. Returns what was turned.
 Repair orient(Draft& draft);
+// Fills neighbours, components and closed from the triangles.
+void connect(Surface& surface);
 // Connected through shared edges; numbered in order of the first triangle.
 std::vector<std::int32_t> components(const std::vector<std::array<std::int32_t, 3>>& triangles, const std::vector<Side>& sides);
 

@@ -51,7 +51,11 @@ class Surface {
  private:
   Surface() = default;
   friend Surface condition(TriangleSoup soup, Context& context);
+  friend Surface part_of(const Surface& surface, const IdMap<TriangleId, std::uint8_t>& keep);
 };
+
+// The triangles marked 1, in the same frame and with the same patches; edges to those left out are open. Requires one triangle at least.
+Surface part_of(const Surface& surface, const IdMap<TriangleId, std::uint8_t>& keep);
 
 // Welds, drops degenerate and duplicate triangles, orients, moves to the working frame. Repairs are reported as adjustments.
 // Throws MeshError(InvalidInput): SurfaceEmpty, SurfaceNonFinite, SurfaceExtentUnusable.

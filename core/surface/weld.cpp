@@ -6,8 +6,8 @@
 #include <tuple>
 
 #include "core/base/parallel.h"
-#include "core/surface/draft.h"
 #include "core/base/triangle_geometry.h"
+#include "core/surface/draft.h"
 
 namespace strata {
 namespace {

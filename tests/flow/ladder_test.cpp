@@ -44,7 +44,7 @@ Carved carve_soup(TriangleSoup soup, double size) {
   sizes.max_size = size;
   sizes.at_triangle.assign(surface.triangles.size(), size);
   const Locator locator(surface);
-  HexMesh mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, {}, context);
+  HexMesh mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, {}, context).mesh;
   return {std::move(surface), std::move(features), std::move(mesh)};
 }
 

@@ -61,7 +61,7 @@ TEST(AlwaysWrappable, RandomOctreesOfManyShapes) {
     if (below(random, 2) == 0) options.volume.mode = VolumeMode::Solid;
     HexMesh mesh;
     try {
-      mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, options, context);
+      mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, options, context).mesh;
     } catch (const MeshError& error) {
       EXPECT_EQ(error.diagnostic().reason, Reason::RegionTooThin);
       continue;
@@ -127,7 +127,7 @@ TEST(AlwaysWrappable, NodesOnFlatFacesAreNoRegion) {
   sizes.at_triangle.assign(surface.triangles.size(), sizes.max_size);
   for (TriangleId t : surface.triangles.ids())
     if (surface.patch_names[surface.patch[t]] == "z_max") sizes.at_triangle[t] = sizes.max_size / 5;
-  HexMesh mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, {}, context);
+  HexMesh mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, {}, context).mesh;
   for (RegionId r : mesh.region) ASSERT_EQ(r, RegionId(0));
   EXPECT_EQ(testing::euler_of_boundary(mesh), 2);
   EXPECT_NO_THROW(mesh = wrap_surface(std::move(mesh), context));

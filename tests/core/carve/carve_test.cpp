@@ -54,7 +54,7 @@ Made carve_soup(TriangleSoup soup, int n, const VolumeSpec& volume = {}, double 
   CarveOptions options;
   options.volume = volume;
   for (Vec3& p : options.volume.points) p = surface.frame.to_work(p);
-  HexMesh mesh = carve(uniform_dual(locator, n, shift), surface, locator, options, context);
+  HexMesh mesh = carve(uniform_dual(locator, n, shift), surface, locator, options, context).mesh;
   return {std::move(surface), std::move(mesh), context.adjustments()};
 }
 std::size_t region_count(const HexMesh& mesh) { return std::set<RegionId>(mesh.region.begin(), mesh.region.end()).size(); }
@@ -256,8 +256,8 @@ TEST(Carve, BlocksLeftOutOutsideChangeNothing) {
       whole.outside.clear();
       Dual small = dualize(std::move(pruned), context), large = dualize(std::move(whole), context);
       EXPECT_LT(small.mesh.hexes.size(), large.mesh.hexes.size());
-      const HexMesh a = carve(std::move(small), surface, locator, {}, context);
-      const HexMesh b = carve(std::move(large), surface, locator, {}, context);
+      const HexMesh a = carve(std::move(small), surface, locator, {}, context).mesh;
+      const HexMesh b = carve(std::move(large), surface, locator, {}, context).mesh;
       EXPECT_EQ(a.hexes, b.hexes);
       EXPECT_EQ(a.position, b.position);
       EXPECT_EQ(a.quads, b.quads);

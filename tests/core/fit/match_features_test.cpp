@@ -43,7 +43,7 @@ Matched matched(TriangleSoup soup, double cells, FeatureOptions options = {}) {
   sizes.patch_size.assign(surface.patch_names.size(), std::numeric_limits<double>::infinity());
   const SizeField field = make_size_field(surface, *m.features, sizes, context);
   const Locator locator(surface);
-  HexMesh mesh = carve(dualize(refine_octree(surface, field, OctreeOptions{}, context), context), surface, locator, {}, context);
+  HexMesh mesh = carve(dualize(refine_octree(surface, field, OctreeOptions{}, context), context), surface, locator, {}, context).mesh;
   const Ground ground(surface, *m.features);
   mesh = fit_to_smooth(wrap_surface(std::move(mesh), context), ground, context).mesh;
   m.result = match_features(std::move(mesh), ground, context);
