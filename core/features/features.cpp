@@ -128,6 +128,10 @@ void find_corners(const Surface& surface, const FeatureGraph& graph, std::vector
   std::vector<double> missing(surface.points.size(), 2 * std::numbers::pi);
   for (const TriangleId t : surface.triangles.ids())
     for (std::size_t i = 0; i < 3; ++i) missing[surface.triangles[t][i].index()] -= angle_at(surface.corners(t), i);
+  for (const TriangleId t : surface.triangles.ids())
+    for (std::size_t i = 0; i < 3; ++i)
+      if (!surface.neighbours[t][i].valid())  // what is missing round a border is no tip
+        for (const std::size_t end : {i, (i + 1) % 3}) missing[surface.triangles[t][end].index()] = 0;
   corner_at.assign(surface.points.size(), CornerId());
   for (const PointId p : surface.points.ids())
     if (is_corner(surface, graph, p) || (graph.valence(p) == 0 && missing[p.index()] > kTipDefect))

@@ -134,7 +134,7 @@ TEST(Features, OpenBordersAreNeitherCurvesNorTips) {
   const auto [s, f] = found(open);
   ASSERT_EQ(f.curves.size(), 1u);  // the rim that still has both sides
   EXPECT_TRUE(f.curves[CurveId(0)].manifold);
-  for (const Corner& c : f.corners) ADD_FAILURE() << s.points[c.point].transpose() << " curves " << c.curves.size();
+  EXPECT_TRUE(f.corners.empty());
   EXPECT_EQ(f.chart_count(), 2u);
 }
 
