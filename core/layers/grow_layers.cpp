@@ -79,6 +79,7 @@ struct Attempt {
   LayerPlan plan;
   IdMap<VertexId, double> fraction;
   std::vector<FrontIndex> failed;   // empty: the mesh is valid
+  std::vector<std::pair<FrontIndex, FrontIndex>> crossed_badly;
 };
 
 // The fronts nearest to the hexes: those of hexes' own vertices.
@@ -108,11 +109,10 @@ std::vector<FrontIndex> fronts_near(const HexMesh& mesh, const LayerPlan& plan, 
   return fronts;
 }
 
-Attempt attempt(HexMesh mesh, const LayerRequest& request, const std::vector<std::uint8_t>& excluded, std::size_t allowed,
-                Context& context) {
+Attempt attempt(HexMesh mesh, const LayerRequest& request, const PlanLessons& lessons, std::size_t allowed, Context& context) {
   const Ground& ground = request.ground;
   const auto plan = [&] {
-    return plan_layers(mesh, Facets(mesh), request.entries, request.wishes, ground.surface(), ground.features(), excluded);
+    return plan_layers(mesh, Facets(mesh), request.entries, request.wishes, ground.surface(), ground.features(), lessons);
   };
   LayerPlan planned = plan();
   bool rows_added = false;
@@ -146,6 +146,7 @@ Attempt attempt(HexMesh mesh, const LayerRequest& request, const std::vector<std
   result.plan = std::move(grower.plan);
   result.fraction = std::move(grower.fraction);
   if (const std::vector<HexId> bad = not_positive(result.mesh); bad.size() > allowed) {
+    result.crossed_badly = std::move(grower.crossed_badly);
     result.failed = fronts_near(result.mesh, result.plan, bad);
     if (result.failed.empty())
       for (const LayerGroup& group : result.plan.groups)
@@ -169,14 +170,18 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
   const LayerRequest request{layers, wishes, ground, locator, reach.rings};
   Band band = cut_band(std::move(mesh), reach.wall, reach.rings + 1);
   const std::size_t allowed = not_positive(band.mesh).size();
-  std::vector<std::uint8_t> excluded(ground.features().chart_count() * 2, 0);
+  PlanLessons lessons;
+  lessons.excluded.assign(ground.features().chart_count() * 2, 0);
   Attempt tried;
   for (int round = 0;; ++round) {
-    if (round == kMostAttempts) excluded.assign(excluded.size(), 1);
-    tried = attempt(band.mesh, request, excluded, allowed, context);
+    if (round == kMostAttempts) lessons.excluded.assign(lessons.excluded.size(), 1);
+    tried = attempt(band.mesh, request, lessons, allowed, context);
     if (tried.failed.empty() || round == kMostAttempts) break;
-    for (FrontIndex f : tried.failed) excluded[static_cast<std::size_t>(f)] = 1;
-    result.rung = LayersRung::Dropped;
+    // Groups that cannot cross are joined; only what fails by itself is left bare.
+    lessons.joined.insert(lessons.joined.end(), tried.crossed_badly.begin(), tried.crossed_badly.end());
+    result.rung = std::max(result.rung, tried.crossed_badly.empty() ? LayersRung::Dropped : LayersRung::Regrouped);
+    if (!tried.crossed_badly.empty()) continue;
+    for (FrontIndex f : tried.failed) lessons.excluded[static_cast<std::size_t>(f)] = 1;
   }
   for (Diagnostic& d : tried.plan.changed) context.adjusted(std::move(d));
   band.mesh = std::move(tried.mesh);
@@ -190,7 +195,7 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
   result.patches = report_patches(result.mesh, {&tried.plan, std::move(fraction)}, wishes);
   for (const PatchLayers& p : result.patches)
     if (result.rung == LayersRung::Full && p.thickness_fraction_mean < kThinnedBelow) result.rung = LayersRung::Thinned;
-  tell_adjustments(result.mesh, result.patches, excluded, surface, context);
+  tell_adjustments(result.mesh, result.patches, lessons.excluded, surface, context);
   return result;
 }
 

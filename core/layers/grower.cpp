@@ -28,8 +28,8 @@ constexpr int kLastSweeps = 4;
 constexpr double kLeastQuality = 0.12;    // scaled Jacobian that physical layers may cost
 constexpr double kGoodQuality = 0.35;     // and that blending may cost
 constexpr double kShort = 0.97;           // of its wish: columns under it draw their neighbours down
-constexpr int kShrinkRounds = 6;
-constexpr double kShrink = 0.5;
+constexpr int kCuts = 8;                  // trials: each cuts more columns alike
+constexpr int kAlikeSweeps = 40;
 
 double wish_of(const GrowingSheet& sheet, std::size_t c, Reach reach) {
   return reach == Reach::Full ? sheet.thickness[c] : std::min(sheet.needed[c], sheet.thickness[c]);
@@ -173,7 +173,6 @@ void Grower::decide_law(GroupSheet& sheet) const {
   const std::vector<FacetIndex> wall = wall_of_group(mesh, plan, sheet.group, widened_);
   GrowingSheet& g = sheet.growing;
   sheet.laws.assign(g.feet.size(), {});
-  sheet.scale.assign(g.feet.size(), 1.0);
   for (std::size_t c = 0; c < g.feet.size(); ++c) {
     const Foot& foot = g.feet[c];
     ColumnLaw& law = sheet.laws[c];
@@ -228,6 +227,7 @@ void Grower::open() {
     measure_feet(sheet);
     decide_law(sheet);
     Opened opened = open_sheet(std::move(mesh), sheet.growing, request_.ground);
+    if (!opened.flat.empty()) opened = untangle_opening(std::move(opened), sheet.growing, request_.ground, context_);
     mesh = std::move(opened.mesh);
   }
 }
@@ -252,7 +252,9 @@ void Grower::collapse_wedges() {
   for (; opened_ < sheets_.size(); ++opened_) {
     measure_feet(sheets_[opened_]);
     decide_law(sheets_[opened_]);
-    mesh = open_sheet(std::move(mesh), sheets_[opened_].growing, request_.ground).mesh;
+    Opened opened = open_sheet(std::move(mesh), sheets_[opened_].growing, request_.ground);
+    if (!opened.flat.empty()) opened = untangle_opening(std::move(opened), sheets_[opened_].growing, request_.ground, context_);
+    mesh = std::move(opened.mesh);
   }
 }
 
@@ -314,45 +316,80 @@ std::vector<std::vector<double>> Grower::hold_back(Reach reach, double growth) {
 std::vector<Stack> Grower::stacks() {
   std::vector<Stack> result;
   fraction.assign(mesh.position.size(), -1);
-  for (const GroupSheet& s : sheets_) {
+  for (std::size_t i = 0; i < sheets_.size(); ++i) {
+    const GroupSheet& s = sheets_[i];
     Stack& stack = result.emplace_back();
     stack.columns = s.growing.columns;
     stack.cells = plan.groups[static_cast<std::size_t>(s.group)].count + s.blending;
     stack.prisms = s.prisms;
     const auto cells = static_cast<std::size_t>(stack.cells);
     stack.level.resize(cells * stack.columns.size());
-    for (std::size_t c = 0; c < stack.columns.size(); ++c) {
-      ColumnLaw law = s.laws[c];
-      law.first_height *= s.scale[c];
-      const double got = column_fractions(law, height_of(mesh, s.growing, c), std::span(stack.level).subspan(c * cells, cells));
-      fraction[stack.columns.bottom[c]] = got * s.scale[c];
-    }
+    stack.straight.assign(stack.columns.size(), 0);
+    for (std::size_t c = 0; c < stack.columns.size(); ++c)
+      fraction[stack.columns.bottom[c]] =
+          column_fractions(s.laws[c], height_of(mesh, s.growing, c), std::span(stack.level).subspan(c * cells, cells));
+    even_out(stack, static_cast<std::int32_t>(i));
   }
   return result;
 }
 
-// Columns of the hexes shrink, and their neighbours gradually. False: there is nothing left to shrink.
-bool Grower::shrink_round(const std::vector<HexId>& bad_parents) {
-  IdMap<VertexId, std::uint8_t> near(mesh.position.size(), 0);
-  for (HexId h : bad_parents)
-    for (VertexId v : mesh.hexes[h]) near[v] = 1;
-  bool any = false;
-  for (GroupSheet& s : sheets_)
-    for (std::size_t c = 0; c < s.scale.size(); ++c)
-      if (near[s.growing.columns.bottom[c]] || near[s.growing.columns.top[c]]) s.scale[c] *= kShrink, any = true;
-  return any;
+// A hex whose columns are cut at equal fractions is cut along its own coordinates: its layers are as positive as itself.
+void Grower::even_out(Stack& stack, std::int32_t sheet) {
+  const GroupSheet& s = sheets_[static_cast<std::size_t>(sheet)];
+  const auto cells = static_cast<std::size_t>(stack.cells);
+  std::vector<double> sum(stack.level.size());
+  std::vector<int> count(stack.columns.size());
+  for (int sweep = 0; sweep < kAlikeSweeps; ++sweep) {
+    std::fill(sum.begin(), sum.end(), 0.0);
+    std::fill(count.begin(), count.end(), 0);
+    for (const Alike& four : alike_) {
+      if (four.sheet != sheet) continue;
+      for (std::size_t k = 0; k < cells; ++k) {
+        double mean = 0;
+        for (const std::int32_t c : four.column) mean += 0.25 * stack.level[static_cast<std::size_t>(c) * cells + k];
+        for (const std::int32_t c : four.column) sum[static_cast<std::size_t>(c) * cells + k] += mean;
+      }
+      for (const std::int32_t c : four.column) ++count[static_cast<std::size_t>(c)];
+    }
+    for (std::size_t c = 0; c < count.size(); ++c)
+      for (std::size_t k = 0; count[c] > 0 && k < cells; ++k) stack.level[c * cells + k] = sum[c * cells + k] / count[c];
+  }
+  const auto last = static_cast<std::size_t>(plan.groups[static_cast<std::size_t>(s.group)].count - 1);
+  for (std::size_t c = 0; c < count.size(); ++c) {
+    if (count[c] == 0) continue;
+    stack.straight[c] = 1;
+    fraction[stack.columns.bottom[c]] = stack.level[c * cells + last] * height_of(mesh, s.growing, c) / physical_thickness(s.laws[c]);
+  }
+}
+
+void Grower::note_bad_crossing(std::span<const Guard::Crossing> crossings) {
+  for (std::size_t i = 1; i < crossings.size(); ++i) {
+    const auto front = [&](std::size_t k) {
+      return plan.groups[static_cast<std::size_t>(sheets_[static_cast<std::size_t>(crossings[k].sheet)].group)].fronts.front();
+    };
+    const std::pair<FrontIndex, FrontIndex> pair = std::minmax(front(i - 1), front(i));
+    if (pair.first != pair.second && std::find(crossed_badly.begin(), crossed_badly.end(), pair) == crossed_badly.end())
+      crossed_badly.push_back(pair);
+  }
 }
 
 void Grower::cut() {
-  HexMesh coarse = mesh;
+  const HexMesh coarse = mesh;
+  const Guard guard(coarse, growing());
   for (int round = 0;; ++round) {
-    std::vector<Stack> cuts = stacks();
-    Sliced sliced = slice(coarse, std::move(cuts), request_.ground);
+    Sliced sliced = slice(coarse, stacks(), request_.ground);
     const std::vector<HexId> bad = not_positive(sliced.mesh);
-    std::vector<HexId> parents;
-    for (HexId h : bad)
-      if (sliced.parent[h].valid()) parents.push_back(sliced.parent[h]);
-    if (bad.empty() || round == kShrinkRounds || !shrink_round(parents)) {
+    const std::size_t known = alike_.size();
+    HexId last;
+    for (HexId h : bad) {
+      const HexId parent = sliced.parent[h];
+      if (!parent.valid() || parent == last) continue;
+      last = parent;
+      for (const Guard::Crossing& crossing : guard.crossings(parent)) alike_.push_back({crossing.sheet, crossing.column});
+    }
+    if (bad.empty() || round == kCuts || alike_.size() == known) {
+      for (HexId h : bad)
+        if (sliced.parent[h].valid()) note_bad_crossing(guard.crossings(sliced.parent[h]));
       mesh = std::move(sliced.mesh);
       fraction.resize(mesh.position.size(), -1);
       return;

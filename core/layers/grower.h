@@ -1,7 +1,10 @@
 // The work of growing layers: sheets go in, open, gain their thickness, are cut.
 #pragma once
 
+#include <array>
 #include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "core/layers/grow_layers.h"
@@ -32,7 +35,6 @@ struct GroupSheet {
   std::vector<ColumnLaw> laws;
   Columns measured;                    // those that stood before later sheets went in, and the gap in front of each
   std::vector<double> room;
-  std::vector<double> scale;           // of the physical heights, by column: less than 1 where they did not fit
   Prisms prisms;
 };
 
@@ -48,13 +50,15 @@ class Grower {
   void collapse_wedges();
   // All sheets gain their thickness together.
   void inflate();
-  // Cuts the sheets. Heights shrink locally where a layer would not be positive. Afterwards mesh, plan and fraction are the result.
+  // Cuts the sheets. Where a layer would not be positive, the columns round it are cut alike. Afterwards mesh, plan and fraction are the
+  // result.
   void cut();
 
   HexMesh mesh;
   LayerPlan plan;
   std::vector<FrontIndex> failed;
   IdMap<VertexId, double> fraction;    // after cut: delivered over wished thickness at the foot of each column; negative: none there
+  std::vector<std::pair<FrontIndex, FrontIndex>> crossed_badly;  // after cut: fronts of groups whose crossing is not positive somewhere
   [[nodiscard]] bool empty() const { return sheets_.empty(); }
 
  private:
@@ -66,7 +70,8 @@ class Grower {
   [[nodiscard]] const LayerSpec& entry_of(FrontIndex front) const;
   [[nodiscard]] std::vector<GrowingSheet> growing() const;
   [[nodiscard]] std::vector<Stack> stacks();
-  [[nodiscard]] bool shrink_round(const std::vector<HexId>& bad_parents);
+  void even_out(Stack& stack, std::int32_t sheet);
+  void note_bad_crossing(std::span<const Guard::Crossing> crossings);
 
   const LayerRequest& request_;
   Context& context_;
@@ -74,6 +79,12 @@ class Grower {
   std::vector<GroupSheet> sheets_;
   std::size_t opened_ = 0;             // sheets before it are open
   HexId first_sheet_hex_;
+  // Four columns of a sheet that are to be cut at the same fractions.
+  struct Alike {
+    std::int32_t sheet = -1;
+    std::array<std::int32_t, 4> column{};
+  };
+  std::vector<Alike> alike_;
 };
 
 // Hexes that are not positive at a corner or in the middle.

@@ -1,7 +1,9 @@
 // What a hex will be worth once its sheets are cut into layers.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/layers/growing_sheet.h"
@@ -14,6 +16,17 @@ class Guard {
  public:
   Guard(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets);
 
+  struct Crossing {
+    std::int32_t sheet = -1;
+    std::int8_t axis = 0;
+    bool reversed = false;                      // the wall is at the end of the axis
+    std::array<std::int32_t, 4> column{};       // on each of the four edges along the axis
+  };
+  // The sheets that cross a hex.
+  [[nodiscard]] std::span<const Crossing> crossings(HexId h) const {
+    return {crossings_.data() + first_[h], crossings_.data() + first_[HexId(h.value + 1)]};
+  }
+
   // Smallest scaled Jacobian at the corners of the hex and, for each sheet that crosses it, at those of its first layer and of what lies
   // above the physical layers.
   [[nodiscard]] double quality(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, HexId h) const;
@@ -22,12 +35,6 @@ class Guard {
   [[nodiscard]] bool crossed(HexId h) const { return first_[h] < first_[HexId(h.value + 1)]; }
 
  private:
-  struct Crossing {
-    std::int32_t sheet = -1;
-    std::int8_t axis = 0;
-    bool reversed = false;                      // the wall is at the end of the axis
-    std::array<std::int32_t, 4> column{};       // on each of the four edges along the axis
-  };
   IdMap<HexId, std::int32_t> first_;            // crossings of h: first_[h] .. first_[h + 1]
   std::vector<Crossing> crossings_;
 };

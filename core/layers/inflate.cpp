@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 #include "core/base/context.h"
 #include "core/base/parallel.h"
+#include "core/mesh/hex.h"
 #include "core/optimise/optimise.h"
 #include "core/quality/quality.h"
 
@@ -15,6 +17,8 @@ namespace {
 constexpr double kOpening = 0.04;        // of the local size: thin enough never to fold the hexes above a sound surface quad
 constexpr int kOpeningHalvings = 9;
 constexpr double kOpeningQuality = 0.01;  // scaled Jacobian under which a column opens less
+constexpr int kUntangleRings = 2;        // round hexes that do not open
+constexpr int kUntangleSweeps = 12;
 constexpr double kOpeningLoss = 0.5;     // of a poor hex's quality
 constexpr double kFlat = 1e-12;          // scaled Jacobian of hexes that have no thickness yet
 constexpr double kArrived = 0.02;        // of the thickness
@@ -90,6 +94,79 @@ Opened open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground)
   }
   result.mesh = std::move(mesh);
   return result;
+}
+
+namespace {
+
+// Mean edge lengths along the axes; an axis without length counts as a little.
+IdMap<HexId, HexTarget> proportions(const HexMesh& mesh) {
+  IdMap<HexId, HexTarget> result(mesh.hexes.size());
+  parallel_for(mesh.hexes.size(), [&](std::size_t i) {
+    const HexVertices& hex = mesh.hexes[HexId(i)];
+    std::array<double, 3> length{};
+    for (std::size_t e = 0; e < 12; ++e)
+      length[e / 4] += 0.25 * (mesh.position[hex[static_cast<std::size_t>(kHexEdges[e][0])]] -
+                               mesh.position[hex[static_cast<std::size_t>(kHexEdges[e][1])]])
+                                  .norm();
+    const double least = kOpening * kOpening * *std::max_element(length.begin(), length.end());
+    for (std::size_t axis = 0; axis < 3; ++axis) result[HexId(i)][axis] = static_cast<float>(std::max(length[axis], least));
+  });
+  return result;
+}
+
+int axis_of(const HexVertices& hex, VertexId a, VertexId b) {
+  for (std::size_t e = 0; e < 12; ++e) {
+    const VertexId u = hex[static_cast<std::size_t>(kHexEdges[e][0])], v = hex[static_cast<std::size_t>(kHexEdges[e][1])];
+    if ((u == a && v == b) || (u == b && v == a)) return static_cast<int>(e / 4);
+  }
+  return -1;
+}
+
+}  // namespace
+
+Opened untangle_opening(Opened opened, const GrowingSheet& sheet, const Ground& ground, Context& context) {
+  HexMesh mesh = std::move(opened.mesh);
+  const VertexStars<HexId> stars = hexes_round_vertices(mesh);
+  IdMap<VertexId, std::uint8_t> seeds(mesh.position.size(), 0), movable(mesh.position.size(), 0);
+  for (VertexId v : opened.flat) seeds[v] = 1;
+  for (VertexId v : movable.ids()) movable[v] = mesh.attachment[v].hold == Hold::Free;
+  std::vector<std::pair<VertexId, Attachment>> released;
+  const auto release = [&](VertexId v) {
+    Attachment& held = mesh.attachment[v];
+    if (held.hold != Hold::Chart && held.hold != Hold::Curve) return;
+    released.emplace_back(v, held);
+    held = {};
+    movable[v] = 1;
+  };
+  // Everything keeps its proportions, but the new sheet's hexes want to be open.
+  IdMap<HexId, HexTarget> targets = proportions(mesh);
+  for (std::size_t c = 0; c < sheet.columns.size(); ++c) {
+    const VertexId bottom = sheet.columns.bottom[c], top = sheet.columns.top[c];
+    if (seeds[top]) release(top);
+    for (HexId h : stars.of(bottom))
+      if (const int axis = axis_of(mesh.hexes[h], bottom, top); axis >= 0)
+        targets[h][static_cast<std::size_t>(axis)] = static_cast<float>(kOpening * sheet.feet[c].size);
+  }
+  for (VertexId bottom : sheet.columns.bottom) movable[bottom] = 0;
+  OptimiseRequest request;
+  request.ground = &ground;
+  request.movable = &movable;
+  request.seeds = &seeds;
+  request.targets = &targets;
+  OptimiseOptions options;
+  options.rings = kUntangleRings;
+  options.sweeps = kUntangleSweeps;
+  options.arrival_sweeps = 0;
+  mesh = optimise(std::move(mesh), request, options, context).mesh;
+  for (const auto& [v, held] : released) mesh.attachment[v] = held;
+  std::vector<VertexId> still;
+  for (std::size_t i = 0; i + 8 <= opened.flat.size(); i += 8) {
+    const std::span<const VertexId> hex(opened.flat.data() + i, 8);
+    std::array<Vec3, 8> c;
+    for (std::size_t k = 0; k < 8; ++k) c[k] = mesh.position[hex[k]];
+    if (corner_scaled_jacobian(c) <= 0) still.insert(still.end(), hex.begin(), hex.end());
+  }
+  return {std::move(mesh), std::move(still)};
 }
 
 Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings)

@@ -22,6 +22,9 @@ struct Opened {
   std::vector<VertexId> flat;   // vertices of hexes that are still not positive
 };
 Opened open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground);
+// For what open_sheet could not open: lets the tops round the flat places look for room in any direction, off their ground if need be, and
+// the volume round them with them.
+Opened untangle_opening(Opened opened, const GrowingSheet& sheet, const Ground& ground, Context& context);
 
 enum class Reach { Needed, Full };   // what a column goes for: its physical layers, or blending too
 enum class Settle {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -55,7 +56,7 @@ struct Planner {
   const IdMap<PatchId, PatchWish>& wishes;
   const Surface& surface;
   const Features& features;
-  const std::vector<std::uint8_t>& excluded;
+  const PlanLessons& lessons;
 
   LayerPlan plan;
   std::vector<std::uint8_t> grows;      // by front
@@ -94,7 +95,7 @@ void Planner::find_growing_fronts() {
     if (!facets.exists(f)) continue;
     const FrontIndex front = facets.front(f);
     if (front == kNoFront || grows[static_cast<std::size_t>(front)]) continue;
-    if (!excluded.empty() && excluded[static_cast<std::size_t>(front)]) continue;
+    if (!lessons.excluded.empty() && lessons.excluded[static_cast<std::size_t>(front)]) continue;
     const PatchWish& wish = wishes[patch_of(front)];
     if (wish.entry < 0 || wish.law.count < 1) continue;
     const std::optional<int>& side = entries[static_cast<std::size_t>(wish.entry)].side;
@@ -143,6 +144,11 @@ void Planner::form_groups() {
     const bool asked = asked_cross || ab == Ending::Regular || ba == Ending::Regular;
     if (asked_cross && m == Meeting::Regular) ending_changed(a, b, "too flat to cross-imprint, joined regularly");
     order.push_back({a, b, m == Meeting::Regular, asked, pair.length * std::abs(pair.angle - kJointBeatsCross)});
+  }
+  for (const auto& [a, b] : lessons.joined) {
+    if (!growing(a) || !growing(b)) continue;
+    order.push_back({a, b, true, true, std::numeric_limits<double>::infinity()});
+    ending_changed(a, b, "joined regularly, because layers that cross would not be valid there");
   }
   std::stable_sort(order.begin(), order.end(),
                    [](const Wish& x, const Wish& y) { return x.asked != y.asked ? x.asked : x.weight > y.weight; });
@@ -341,8 +347,8 @@ Meeting meeting_with_bare(Ending asked, double angle) {
 
 LayerPlan plan_layers(const HexMesh& mesh, const Facets& facets, const std::vector<LayerSpec>& entries,
                       const IdMap<PatchId, PatchWish>& wishes, const Surface& surface, const Features& features,
-                      const std::vector<std::uint8_t>& excluded) {
-  Planner planner{mesh, facets, entries, wishes, surface, features, excluded, {}, {}, {}};
+                      const PlanLessons& lessons) {
+  Planner planner{mesh, facets, entries, wishes, surface, features, lessons, {}, {}, {}};
   planner.find_growing_fronts();
   planner.measure_pairs();
   planner.form_groups();

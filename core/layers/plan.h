@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/features/features.h"
@@ -46,9 +47,14 @@ struct LayerPlan {
   std::vector<std::vector<FrontIndex>> want_row;
 };
 
-// `excluded`: fronts that must stay bare (given up earlier); by FrontIndex, may be empty.
+// What earlier attempts taught.
+struct PlanLessons {
+  std::vector<std::uint8_t> excluded;                        // by FrontIndex, may be empty: fronts that must stay bare
+  std::vector<std::pair<FrontIndex, FrontIndex>> joined;     // fronts that must be in one group: their crossing could not be made valid
+};
+
 LayerPlan plan_layers(const HexMesh& mesh, const Facets& facets, const std::vector<LayerSpec>& entries,
                       const IdMap<PatchId, PatchWish>& wishes, const Surface& surface, const Features& features,
-                      const std::vector<std::uint8_t>& excluded);
+                      const PlanLessons& lessons);
 
 }  // namespace strata

@@ -10,6 +10,7 @@ namespace strata {
 namespace {
 
 constexpr double kWedgePush = 0.3;        // of the pair's height: opens the corner at the middle point from 180 to 147 degrees
+constexpr double kOnGround = 0.01;        // of a column's length: ends of a column that is on its ground are nearer than that
 constexpr double kMostWedgePush = 0.2;    // of the distance to the tip: what the next column can spare
 
 // The points of the columns of the stack being cut.
@@ -77,15 +78,15 @@ void place_points(HexMesh& mesh, const Cut& cut, const Ground& ground) {
   mesh.attachment.resize(mesh.position.size());
   parallel_for(columns.size(), [&](std::size_t c) {
     const Vec3 from = mesh.position[columns.bottom[c]], to = mesh.position[columns.top[c]];
-    // Ends that stay off the ground take the points between along.
-    Vec3 low = Vec3::Zero(), high = Vec3::Zero();
-    if (held[c].hold != Hold::Free) low = from - ground.project(held[c], from).position, high = to - ground.project(held[c], to).position;
+    // Between ends that stay off the ground there is no way along it.
+    const auto off = [&](const Vec3& p) { return (p - ground.project(held[c], p).position).norm(); };
+    const bool straight = c < cut.stack->straight.size() && cut.stack->straight[c] != 0;
+    const bool along = held[c].hold != Hold::Free && !straight && std::max(off(from), off(to)) <= kOnGround * (to - from).norm();
     for (std::size_t i = 0; i < inner; ++i) {
       const VertexId v(cut.first_new.index() + c * inner + i);
-      const double level = cut.stack->level[c * cells + i];
-      const Vec3 p = from + level * (to - from);
+      const Vec3 p = from + cut.stack->level[c * cells + i] * (to - from);
       mesh.attachment[v] = held[c];
-      mesh.position[v] = held[c].hold == Hold::Free ? p : Vec3(ground.project(held[c], p).position + (1 - level) * low + level * high);
+      mesh.position[v] = along ? ground.project(held[c], p).position : p;
     }
   });
 }
@@ -194,6 +195,7 @@ void continue_columns(const Cut& cut, Stack& other) {
   for (const New& n : fresh) {
     other.columns.bottom.push_back(n.bottom);
     other.columns.top.push_back(n.top);
+    if (!other.straight.empty()) other.straight.push_back(std::max(other.straight[n.low], other.straight[n.high]));
     for (std::size_t i = 0; i < other_cells; ++i)
       other.level.push_back((1 - n.at) * other.level[n.low * other_cells + i] + n.at * other.level[n.high * other_cells + i]);
   }

@@ -14,6 +14,7 @@ struct Stack {
   Columns columns;
   int cells = 1;                        // layers the sheet becomes, blending included
   std::vector<double> level;            // cells per column: fractions of its length where its layers end; the last is 1
+  std::vector<std::uint8_t> straight;   // by column: its points lie on the line between its ends, not on the ground; may be empty
   Prisms prisms;                        // hexes of this sheet that run out to nothing
 };
 

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kGoodVisibility = 0.7;   // the mean of the normals serves while no normal turns further than 45 degrees from it
 constexpr double kMostStretch = 2;        // longer columns would cross their neighbours before they gain height
+constexpr double kSteep = 0.3;            // of a facet's normal in a chart's plane: less says little of a direction there
 constexpr double kGapShare = 0.35;        // of the way to the opposite wall, which may want layers too
 constexpr double kRayStart = 1e-3;        // of the local size: off the own wall
 constexpr double kOwnWall = 0.5;          // of the local size: nearer hits may be the own wall
@@ -65,6 +66,37 @@ Vec3 most_visible(const std::vector<Vec3>& normals) {
   return centre.norm() > 0 ? Vec3(centre.normalized()) : mean;
 }
 
+namespace {
+
+// An edge of the wall at a column's foot, with the facet it belongs to.
+struct Spoke {
+  VertexId end;
+  FacetIndex facet;
+  std::size_t corner;
+};
+
+// The direction of a column that slides on a chart: in its plane, seen well from the facets and from the strips beside, which lie in the
+// plane too and end at the border edges of the wall.
+Vec3 along_chart(const HexMesh& mesh, VertexId foot, const Vec3& chart_normal, const Vec3& wished, const std::vector<Vec3>& normals,
+                 const std::vector<Spoke>& spokes) {
+  const auto in_plane = [&](const Vec3& v) { return Vec3(v - chart_normal * chart_normal.dot(v)); };
+  std::vector<Vec3> sides;
+  for (const Spoke& s : spokes) {
+    const auto same = [&](const Spoke& t) { return t.end == s.end; };
+    if (std::count_if(spokes.begin(), spokes.end(), same) != 1) continue;
+    Vec3 across = chart_normal.cross(mesh.position[s.end] - mesh.position[foot]);
+    if (across.dot(inward_normal(mesh, s.facet, s.corner)) < 0) across = -across;
+    if (across.norm() > 0) sides.push_back(across.normalized());
+  }
+  if (sides.empty()) return in_plane(wished);
+  for (const Vec3& n : normals)
+    if (const Vec3 p = in_plane(n); p.norm() > kSteep) sides.push_back(p.normalized());
+  const Vec3 seen = in_plane(most_visible(sides));
+  return seen.norm() > 0 ? seen : in_plane(wished);
+}
+
+}  // namespace
+
 std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns, const Ground& ground,
                           const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes) {
   const std::size_t count = columns.size();
@@ -80,10 +112,12 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
       if (const std::int32_t c = columns.find(mesh.quads[quad_of(f)][i]); c >= 0) at.push_back({c, f, static_cast<std::int32_t>(i)});
   std::sort(at.begin(), at.end(), [](const At& a, const At& b) { return a.column != b.column ? a.column < b.column : a.facet < b.facet; });
   std::vector<Vec3> normals;
+  std::vector<Spoke> spokes;
   for (std::size_t i = 0; i < at.size();) {
     const auto c = static_cast<std::size_t>(at[i].column);
     Foot& foot = feet[c];
     normals.clear();
+    spokes.clear();
     double log_height = 0, growth = 0;
     int laws = 0, relatives = 0, edges = 0;
     std::size_t j = i;
@@ -91,6 +125,7 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
       const QuadVertices& q = mesh.quads[quad_of(at[j].facet)];
       const auto k = static_cast<std::size_t>(at[j].corner);
       if (const Vec3 n = inward_normal(mesh, at[j].facet, k); n.squaredNorm() > 0) normals.push_back(n);
+      for (const std::size_t e : {(k + 1) & 3, (k + 3) & 3}) spokes.push_back({q[e], at[j].facet, k});
       // All four edges: a strip quad's short side alone would mislead.
       for (std::size_t e = 0; e < 4; ++e, ++edges) foot.size += (mesh.position[q[e]] - mesh.position[q[(e + 1) & 3]]).norm();
       const PatchWish& wish = wishes[mesh.patch[quad_of(at[j].facet)]];
@@ -114,7 +149,8 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
     const Attachment& held = mesh.attachment[columns.top[c]];
     if (held.hold == Hold::Chart || held.hold == Hold::Curve) {
       const Vec3 d = ground.project(held, mesh.position[columns.bottom[c]]).direction;
-      const Vec3 along = held.hold == Hold::Chart ? Vec3(foot.direction - d * d.dot(foot.direction)) : Vec3(d * d.dot(foot.direction));
+      const Vec3 along = held.hold == Hold::Chart ? along_chart(mesh, columns.bottom[c], d, foot.direction, normals, spokes)
+                                                  : Vec3(d * d.dot(foot.direction));
       if (along.norm() > 0) foot.direction = along.normalized();
     }
     const double cosine = normals.empty() ? 1 : foot.normal.dot(foot.direction);
