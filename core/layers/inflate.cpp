@@ -170,7 +170,11 @@ Opened untangle_opening(Opened opened, const GrowingSheet& sheet, const Ground& 
 }
 
 Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings)
-    : ground_(&ground), stars_(hexes_round_vertices(mesh)), guard_(mesh, sheets), role_(mesh.position.size(), Role::Carried), spread_([&] {
+    : ground_(&ground),
+      stars_(hexes_round_vertices(mesh)),
+      guard_(mesh, sheets),
+      role_(mesh.position.size(), Role::Carried),
+      spread_([&] {
         IdMap<VertexId, std::int32_t> slot(mesh.position.size(), -1);
         for (std::size_t s = 0; s < sheets.size(); ++s)
           for (std::size_t c = 0; c < sheets[s].columns.size(); ++c) {
@@ -203,8 +207,21 @@ Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheet
             role_[v] = Role::Still;
         for (const Goal& goal : goals_) role_[goal.top] = Role::Driven;
         return Spread(mesh, stars_, role_, rings);
+      }()),
+      wall_([&] {
+        // Feet slide; what the volume's spread carries along bare walls anyway, and all that cannot slide, stays out of it.
+        IdMap<VertexId, Role> role(mesh.position.size(), Role::Still);
+        IdMap<VertexId, std::uint8_t> on_wall(mesh.position.size(), 0);
+        for (VertexId v : mesh.position.ids()) on_wall[v] = mesh.attachment[v].hold != Hold::Free;
+        for (const GrowingSheet& sheet : sheets)
+          for (VertexId v : sheet.columns.bottom)
+            if (const Hold hold = mesh.attachment[v].hold; hold == Hold::Chart || hold == Hold::Curve) role[v] = Role::Carried;
+        for (const Goal& goal : goals_)
+          if (on_wall[goal.top]) role[goal.top] = Role::Driven;
+        return Spread(mesh, stars_, role, rings, &on_wall);
       }()) {
   for (const Goal& goal : goals_) movers_.push_back(goal.top);
+  for (VertexId v : wall_.carried()) role_[v] = Role::Driven, movers_.push_back(v);
   movers_.insert(movers_.end(), spread_.carried().begin(), spread_.carried().end());
 }
 
@@ -352,8 +369,11 @@ Inflation::Advanced Inflation::advance(HexMesh mesh, const std::vector<GrowingSh
   context.checkpoint();
   IdMap<VertexId, Vec3> end = targets(mesh, sheets, step.reach);
   IdMap<VertexId, Vec3> move(mesh.position.size(), Vec3::Zero());
+  for (const Goal& goal : goals_) move[goal.top] = step.share * (end[goal.top] - mesh.position[goal.top]);
+  wall_.fill(move);
   for (const Goal& goal : goals_) {
-    move[goal.top] = step.share * (end[goal.top] - mesh.position[goal.top]);
+    // Single columns go with their feet.
+    if (!goal.common.valid() && mesh.attachment[goal.top].hold == Hold::Free) move[goal.top] += move[goal.bottom[0]];
     end[goal.top] = mesh.position[goal.top] + move[goal.top];
   }
   spread_.fill(move);

@@ -76,8 +76,9 @@ class Inflation {
   VertexStars<HexId> stars_;
   std::vector<Goal> goals_;  // crossings after what they are made of
   Guard guard_;
-  IdMap<VertexId, Role> role_;
+  IdMap<VertexId, Role> role_;  // in the volume
   Spread spread_;
+  Spread wall_;  // along the walls: the ends of strips push the feet of columns before them
   std::vector<VertexId> movers_;  // goals and carried
 };
 

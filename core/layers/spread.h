@@ -17,8 +17,9 @@ enum class Role : std::uint8_t {
 
 class Spread {
  public:
-  // Only vertices within `rings` rings of a driven one are carried.
-  Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings);
+  // Only vertices within `rings` rings of a driven one are carried. `on`, if given: the vertices that count at all (1).
+  Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings,
+         const IdMap<VertexId, std::uint8_t>* on = nullptr);
 
   [[nodiscard]] const std::vector<VertexId>& carried() const { return carried_; }  // by ring, then by id
   // Fills in the moves of the carried vertices: the mean of their neighbours' (discrete harmonic), nothing beyond the last ring.
