@@ -17,6 +17,7 @@ HexMesh wrap_surface(HexMesh mesh, Context& context);
 // every ridge each quad has one edge on the ridge at most, whatever the dihedral angle (paper section 3, property 2). Charts whose borders
 // and whose neighbours' borders already satisfy it are left alone. `mesh` must be labelled (chart on every quad). A chart where the
 // insertion would pinch is skipped and reported. Ridge attachments (Curve, Corner) go with the vertices that stay on the ridge.
+// Afterwards, beside creases that have one chart on both sides and whose path bends, rows of hexes along the path only.
 HexMesh wrap_ridges(HexMesh mesh, const Features& features, Context& context);
 
 }  // namespace strata

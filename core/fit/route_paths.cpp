@@ -289,40 +289,6 @@ class Router {
     }
   }
 
- public:
-  // A crease with one chart on both sides gets no ridge layers, so each bend of its path flattens a corner of a quad: better none.
-  void drop_bent_creases() {
-    const Features& features = m_.ground.features();
-    for (std::size_t r = 0; r < m_.path.size(); ++r) {
-      const auto& curves = m_.plan.routes[r].curves;
-      const bool crease = !m_.plan.routes[r].border && std::all_of(curves.begin(), curves.end(), [&](CurveId c) {
-        return features.curves[c].left == features.curves[c].right;
-      });
-      if (crease && bends(m_.path[r])) release(static_cast<std::int32_t>(r));
-    }
-    // Corners that lost all their curves that way are none any more.
-    IdMap<CornerId, std::uint8_t> held(m_.corner_vertex.size(), std::uint8_t{0});
-    for (std::size_t r = 0; r < m_.path.size(); ++r)
-      for (const CornerId c : {m_.plan.routes[r].first, m_.plan.routes[r].last})
-        if (c.valid() && !m_.path[r].empty()) held[c] = 1;
-    for (CornerId c : held.ids()) {
-      const VertexId v = m_.corner_vertex[c];
-      if (!v.valid() || held[c] || features.corners[c].curves.empty()) continue;
-      m_.corner_at[v] = CornerId();
-      m_.corner_vertex[c] = VertexId();
-    }
-  }
-
- private:
-  // Two edges of one quad follow one another in the path.
-  [[nodiscard]] bool bends(const std::vector<std::int32_t>& path) const {
-    std::vector<QuadId> quads;
-    for (std::int32_t e : path)
-      for (QuadId q : m_.skin.quads_of(m_.skin.edges()[static_cast<std::size_t>(e)])) quads.push_back(q);
-    std::sort(quads.begin(), quads.end());
-    return std::adjacent_find(quads.begin(), quads.end()) != quads.end();
-  }
-
   Matching& m_;
   IdMap<VertexId, State> state_;
   IdMap<VertexId, std::uint8_t> fought_;
@@ -337,9 +303,7 @@ class Router {
 }  // namespace
 
 void route_paths(Matching& m, Context& context) {
-  Router router(m);
-  router.run(context);
-  router.drop_bent_creases();
+  Router(m).run(context);
 }
 
 }  // namespace strata
