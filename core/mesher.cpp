@@ -31,6 +31,7 @@ namespace {
 // The rung is fit_relaxed when more than this share of the boundary vertices stay off the surface by over a quarter of the local edge;
 // fewer are an adjustment only.
 constexpr double kRelaxedShare = 1e-3;
+constexpr int kMatchRounds = 3;  // of letting creases go, before what is left is freed on the spot
 constexpr int kFacesOfHex = 6;
 constexpr int kFinerTries = 3;  // cells are halved so often, where the volume is thinner than they are
 
@@ -155,27 +156,29 @@ constexpr Promises kUnfitted{.labelled = false, .positive = false};
   throw MeshError(Failure::Internal, std::move(diagnostic));
 }
 
-// The degradation ladder of the fit. Features first with ridge layers; where hexes stay bad, features are let go near them, then the surface;
-// when even that fails, once more without ridge layers and features.
+// Features are matched, given rows of hexes and fitted. Creases that leave hexes poor are let go, and all is done again from the smooth fit;
+// what is still bad in the end is freed on the spot: features first, then the surface.
 HexMesh fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& context) {
-  FitResult matched = match_features(smooth, ground, context);
-  if (matched.softened > 0) fall_to(rung, Rung::FeaturesSoftened);
-  context.begin(Stage::WrapRidges);
-  HexMesh mesh = wrap_ridges(std::move(matched.mesh), ground.features(), context);
-  context.begin(Stage::FitToFeatures);
-  FitResult fitted = make_valid(fit_to_features(std::move(mesh), ground, context).mesh, ground, context);
-  if (fitted.bad > 0) {
-    fall_to(rung, Rung::FeaturesSoftened);
-    // Labels come from the match; ridge vertices slide on the surface.
-    mesh = match_features(std::move(smooth), ground, context).mesh;
-    for (Attachment& attachment : mesh.attachment)
-      if (attachment.hold == Hold::Curve || attachment.hold == Hold::Corner) attachment = {Hold::Chart, kWholeSurface};
-    fitted = make_valid(fit_to_features(std::move(mesh), ground, context).mesh, ground, context);
+  IdMap<CurveId, std::uint8_t> let_go(ground.features().curves.size(), 0);
+  for (int round = 0;; ++round) {
+    Match matched = match_features(smooth, ground, let_go, context);
+    if (round == 0) context.begin(Stage::WrapRidges);
+    HexMesh mesh = wrap_ridges(std::move(matched.mesh), ground.features(), matched.creases, context);
+    if (round == 0) context.begin(Stage::FitToFeatures);
+    mesh = fit_to_features(std::move(mesh), ground, context).mesh;
+    const std::vector<CurveId> in_the_way = round < kMatchRounds ? creases_in_the_way(mesh, ground.features()) : std::vector<CurveId>();
+    if (!in_the_way.empty()) {
+      for (CurveId c : in_the_way) let_go[c] = 1;
+      continue;
+    }
+    smooth = HexMesh();
+    FitResult fitted = make_valid(std::move(mesh), ground, context);
+    report_softened(matched.softened, ground, context);
+    if (!matched.softened.empty() || fitted.softened > 0) fall_to(rung, Rung::FeaturesSoftened);
+    if (fitted.bad > 0) give_up(fitted.mesh, fitted.bad);
+    report_relaxed(fitted, rung, context);
+    return std::move(fitted.mesh);
   }
-  if (fitted.softened > 0) fall_to(rung, Rung::FeaturesSoftened);
-  if (fitted.bad > 0) give_up(fitted.mesh, fitted.bad);
-  report_relaxed(fitted, rung, context);
-  return std::move(fitted.mesh);
 }
 
 // Whoever reads a mesh whose skin touches itself takes the place for a crack.

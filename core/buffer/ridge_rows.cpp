@@ -22,8 +22,12 @@ class Reattach {
     const std::vector<ChartId> charts = charts_at(v);
     const Attachment was = mesh_.attachment[v];
     if (was.hold == Hold::Corner && was.of >= 0 && static_cast<std::size_t>(was.of) < features_.corners.size())
-      for (CurveId curve : features_.corners[CornerId(was.of)].curves)
-        if (runs_between(curve, charts) && continues_at(curve, v, CornerId(was.of))) return {Hold::Curve, curve.value};
+      for (const bool by_charts : {true, false})
+        for (CurveId curve : features_.corners[CornerId(was.of)].curves) {
+          // Charts between which curves were given up share one label: then the labels of quads alone say where a curve runs.
+          const bool fits = by_charts ? runs_between(curve, charts) : charts.size() > 1;
+          if (fits && continues_at(curve, v, CornerId(was.of), by_charts)) return {Hold::Curve, curve.value};
+        }
     return {Hold::Chart, charts.size() == 1 ? charts.front().value : kWholeSurface};
   }
   // Neighbours of v along the boundary that are not copies made by the sheet.
@@ -54,13 +58,24 @@ class Reattach {
     return has(curve.left) && has(curve.right);
   }
   // An edge path of the curve leaves v: the next vertex is on the curve, or it is the curve's other corner.
-  [[nodiscard]] bool continues_at(CurveId id, VertexId v, CornerId from) const {
+  [[nodiscard]] bool continues_at(CurveId id, VertexId v, CornerId from, bool by_charts) const {
     const Curve& curve = features_.curves[id];
     for (VertexId w : neighbours(v)) {
       if (sheet_.inner_copy[w].valid()) continue;  // along the sheet, not away from it
       const Attachment& a = mesh_.attachment[w];
-      if (a.hold == Hold::Curve && a.of == id.value) return true;
-      if (a.hold == Hold::Corner && a.of != from.value && (a.of == curve.first.value || a.of == curve.last.value)) return true;
+      const bool on_curve = a.hold == Hold::Curve && a.of == id.value;
+      const bool at_end = a.hold == Hold::Corner && a.of != from.value && (a.of == curve.first.value || a.of == curve.last.value);
+      if ((on_curve || at_end) && (by_charts || parts_charts(v, w))) return true;
+    }
+    return false;
+  }
+  [[nodiscard]] bool parts_charts(VertexId v, VertexId w) const {
+    ChartId first;
+    for (QuadId q : round_.of(v)) {
+      const QuadVertices& quad = mesh_.quads[q];
+      if (std::find(quad.begin(), quad.end(), w) == quad.end()) continue;
+      if (first.valid() && mesh_.chart[q] != first) return true;
+      first = mesh_.chart[q];
     }
     return false;
   }

@@ -1,5 +1,6 @@
 // Legend: the path of a crease is p0 p1 ... pn; p1 ... pn-1 are its inner vertices. Quads that touch an inner vertex fall into two sides:
-// round an inner vertex, quads are on the same side when no edge of the path parts them. S are the hexes behind the quads of one side.
+// round an inner vertex, quads are on the same side when no edge of a path parts them. The path stays with the old vertices, so its edges
+// stay what they were. S are the hexes behind the quads of one side.
 #include <algorithm>
 #include <array>
 #include <numeric>
@@ -19,110 +20,110 @@
 namespace strata {
 namespace {
 
-constexpr int kMostRounds = 64;  // of rows that touch one another; each takes at least one side off the list
+constexpr int kMostRounds = 64;  // each takes at least one side off the list; more rows that touch one another are not worth it
 
 // One side of a crease that bends: a row along it is wanted.
 struct Side {
-  CurveId crease;
+  std::int32_t path;
   std::vector<QuadId> quads;   // ascending
 };
 
-// Which curve an edge of the skin lies on, if any: both ends are held by it, or by corners at its ends.
-class OnCurve {
+// The edges of all paths, for questions by edge and by vertex.
+class Paths {
  public:
-  OnCurve(const HexMesh& mesh, const Features& features) : mesh_(mesh), features_(features) {}
-
-  [[nodiscard]] CurveId of(VertexId a, VertexId b) const {
-    const Attachment &x = mesh_.attachment[a], &y = mesh_.attachment[b];
-    if (x.hold == Hold::Curve && (holds(y, CurveId(x.of)))) return CurveId(x.of);
-    if (y.hold == Hold::Curve && (holds(x, CurveId(y.of)))) return CurveId(y.of);
-    return {};
+  Paths(const std::vector<CreaseEdge>& edges, std::size_t vertices) : edges_(edges), inner_of_(vertices, -1) {
+    for (CreaseEdge& e : edges_)
+      if (e.b < e.a) std::swap(e.a, e.b);
+    std::sort(edges_.begin(), edges_.end(), by_edge);
+    std::vector<std::pair<VertexId, std::int32_t>> ends;
+    for (const CreaseEdge& e : edges_) {
+      ends.emplace_back(e.a, e.path);
+      ends.emplace_back(e.b, e.path);
+    }
+    std::sort(ends.begin(), ends.end());
+    for (std::size_t i = 0; i + 1 < ends.size(); ++i)
+      if (ends[i] == ends[i + 1]) inner_of_[ends[i].first] = ends[i].second;
   }
+  // -1: on no path.
+  [[nodiscard]] std::int32_t of_edge(VertexId a, VertexId b) const {
+    const CreaseEdge wanted{-1, std::min(a, b), std::max(a, b)};
+    const auto at = std::lower_bound(edges_.begin(), edges_.end(), wanted, by_edge);
+    return at != edges_.end() && at->a == wanted.a && at->b == wanted.b ? at->path : -1;
+  }
+  // The path whose inner vertex v is, or -1. Vertices made later are on none.
+  [[nodiscard]] std::int32_t through(VertexId v) const { return v.index() < inner_of_.size() ? inner_of_[v] : -1; }
 
  private:
-  [[nodiscard]] bool holds(const Attachment& at, CurveId curve) const {
-    if (at.hold == Hold::Curve) return at.of == curve.value;
-    if (at.hold != Hold::Corner || at.of < 0 || static_cast<std::size_t>(at.of) >= features_.corners.size()) return false;
-    const std::vector<CurveId>& curves = features_.corners[CornerId(at.of)].curves;
-    return std::find(curves.begin(), curves.end(), curve) != curves.end();
-  }
-
-  const HexMesh& mesh_;
-  const Features& features_;
-};
-
-struct CreaseQuad {
-  CurveId crease;
-  QuadId quad;
-  friend auto operator<=>(const CreaseQuad&, const CreaseQuad&) = default;
+  static bool by_edge(const CreaseEdge& x, const CreaseEdge& y) { return std::tie(x.a, x.b) < std::tie(y.a, y.b); }
+  std::vector<CreaseEdge> edges_;
+  IdMap<VertexId, std::int32_t> inner_of_;
 };
 
 class SideFinder {
  public:
-  SideFinder(const HexMesh& mesh, const Features& features)
-      : mesh_(mesh), features_(features), on_(mesh, features), round_(quads_round_vertices(mesh)) {}
+  SideFinder(const HexMesh& mesh, const Paths& paths) : mesh_(mesh), paths_(paths), round_(quads_round_vertices(mesh)) {}
 
-  // Every side with a bend, by crease and smallest quad.
+  // Every side with a bend, by path and smallest quad.
   [[nodiscard]] std::vector<Side> run() const {
-    std::vector<CreaseQuad> touching;
+    std::vector<std::pair<std::int32_t, QuadId>> touching;
     for (QuadId q : mesh_.quads.ids())
       for (VertexId v : mesh_.quads[q])
-        if (const CurveId c = crease_through(v); c.valid()) touching.push_back({c, q});
+        if (const std::int32_t path = paths_.through(v); path >= 0) touching.emplace_back(path, q);
     std::sort(touching.begin(), touching.end());
     touching.erase(std::unique(touching.begin(), touching.end()), touching.end());
     std::vector<Side> sides;
     for (std::size_t i = 0; i < touching.size();) {
       std::size_t stop = i;
       std::vector<QuadId> quads;
-      for (; stop < touching.size() && touching[stop].crease == touching[i].crease; ++stop) quads.push_back(touching[stop].quad);
-      split(touching[i].crease, quads, sides);
+      for (; stop < touching.size() && touching[stop].first == touching[i].first; ++stop) quads.push_back(touching[stop].second);
+      split(touching[i].first, quads, sides);
       i = stop;
     }
     return sides;
   }
 
  private:
-  // The crease whose inner vertex v is.
-  [[nodiscard]] CurveId crease_through(VertexId v) const {
-    const Attachment at = mesh_.attachment[v];
-    if (at.hold != Hold::Curve) return {};
-    const auto quads = round_.of(v);
-    const ChartId chart = quads.empty() ? ChartId() : mesh_.chart[quads.front()];
-    const bool one_chart = std::all_of(quads.begin(), quads.end(), [&](QuadId q) { return mesh_.chart[q] == chart; });
-    return one_chart && chart.valid() ? CurveId(at.of) : CurveId();
-  }
-
-  void split(CurveId crease, const std::vector<QuadId>& quads, std::vector<Side>& sides) const {
+  void split(std::int32_t path, const std::vector<QuadId>& quads, std::vector<Side>& sides) const {
     std::vector<std::size_t> parent(quads.size());
     std::iota(parent.begin(), parent.end(), std::size_t{0});
     const auto root = [&](std::size_t i) {
       while (parent[i] != i) i = parent[i];
       return i;
     };
+    const auto index_of = [&](QuadId q) {
+      const auto at = std::lower_bound(quads.begin(), quads.end(), q);
+      return at != quads.end() && *at == q ? static_cast<std::ptrdiff_t>(at - quads.begin()) : std::ptrdiff_t{-1};
+    };
     std::vector<char> bends(quads.size(), 0);
+    std::vector<std::pair<std::size_t, std::size_t>> across;  // quads on either side of a path edge
     for (std::size_t i = 0; i < quads.size(); ++i) {
       const QuadVertices& q = mesh_.quads[quads[i]];
       int edges = 0;
       for (std::size_t k = 0; k < 4; ++k) {
         const VertexId a = q[k], b = q[(k + 1) & 3];
-        if (on_.of(a, b) == crease) {
-          ++edges;
-          continue;
-        }
-        if (crease_through(a) != crease && crease_through(b) != crease) continue;
+        const std::int32_t on = paths_.of_edge(a, b);
+        if (on == path) ++edges;
+        if (on < 0 && paths_.through(a) != path && paths_.through(b) != path) continue;
         for (QuadId other : round_.of(a)) {
           if (other == quads[i] || !has_edge(mesh_.quads[other], a, b)) continue;
-          const auto at = std::lower_bound(quads.begin(), quads.end(), other);
-          if (at == quads.end() || *at != other) continue;
-          const std::size_t x = root(i), y = root(static_cast<std::size_t>(at - quads.begin()));
+          const std::ptrdiff_t at = index_of(other);
+          if (at < 0) continue;
+          if (on >= 0) {
+            across.emplace_back(i, static_cast<std::size_t>(at));
+            continue;
+          }
+          const std::size_t x = root(i), y = root(static_cast<std::size_t>(at));
           parent[std::max(x, y)] = std::min(x, y);
         }
       }
       bends[i] = edges > 1;
     }
+    std::vector<char> crossed(quads.size(), 0);  // by root: a path runs through the side itself
+    for (const auto& [x, y] : across)
+      if (root(x) == root(y)) crossed[root(x)] = 1;
     for (std::size_t r = 0; r < quads.size(); ++r) {
-      if (root(r) != r) continue;
-      Side side{crease, {}};
+      if (root(r) != r || crossed[r]) continue;
+      Side side{path, {}};
       bool bent = false;
       for (std::size_t i = r; i < quads.size(); ++i) {
         if (root(i) != r) continue;
@@ -140,8 +141,7 @@ class SideFinder {
   }
 
   const HexMesh& mesh_;
-  const Features& features_;
-  OnCurve on_;
+  const Paths& paths_;
   VertexStars<QuadId> round_;
 };
 
@@ -150,7 +150,7 @@ struct Batch {
   SheetRequest request;
   std::vector<const Side*> sides;
 };
-Batch choose_batch(const HexMesh& mesh, const std::vector<Side>& sides, const std::vector<std::pair<CurveId, QuadId>>& tried) {
+Batch choose_batch(const HexMesh& mesh, const std::vector<Side>& sides, const std::vector<std::pair<std::int32_t, QuadId>>& tried) {
   Batch batch;
   batch.request.strip = StripTakes::Inner;
   batch.request.inner.assign(mesh.hexes.size(), 0);
@@ -158,7 +158,7 @@ Batch choose_batch(const HexMesh& mesh, const std::vector<Side>& sides, const st
   IdMap<VertexId, std::uint8_t> taken(mesh.position.size(), 0);
   std::vector<HexId> hexes;
   for (const Side& side : sides) {
-    if (std::binary_search(tried.begin(), tried.end(), std::pair(side.crease, side.quads.front()))) continue;
+    if (std::binary_search(tried.begin(), tried.end(), std::pair(side.path, side.quads.front()))) continue;
     hexes.clear();
     for (QuadId q : side.quads)
       for (HexId h : {behind[q].back, behind[q].front})
@@ -198,17 +198,18 @@ void report(std::size_t sides, Context& context) {
 
 }  // namespace
 
-HexMesh wrap_creases(HexMesh mesh, const Features& features, Context& context) {
-  std::vector<std::pair<CurveId, QuadId>> tried;  // sides that would pinch; quads keep their ids when sheets are inserted
+HexMesh wrap_creases(HexMesh mesh, const std::vector<CreaseEdge>& creases, const Features& features, Context& context) {
+  const Paths paths(creases, mesh.position.size());
+  std::vector<std::pair<std::int32_t, QuadId>> tried;  // sides that would pinch; quads keep their ids when sheets are inserted
   for (int round = 0; round < kMostRounds; ++round) {
     context.checkpoint();
-    const std::vector<Side> sides = SideFinder(mesh, features).run();
+    const std::vector<Side> sides = SideFinder(mesh, paths).run();
     Batch batch = choose_batch(mesh, sides, tried);
     if (batch.sides.empty()) break;
     batch.request.faces = faces_between(mesh, batch.request.inner);
     if (const auto pinched = pinched_vertices(mesh, batch.request); !pinched.empty()) {
       for (const Side* side : batch.sides)
-        if (touches(mesh, *side, pinched)) tried.emplace_back(side->crease, side->quads.front());
+        if (touches(mesh, *side, pinched)) tried.emplace_back(side->path, side->quads.front());
       std::sort(tried.begin(), tried.end());
       continue;
     }

@@ -135,7 +135,8 @@ std::vector<Wish> gather_wishes(const HexMesh& mesh, const ChartBorders& borders
 
 }  // namespace
 
-HexMesh wrap_ridges(HexMesh mesh, const Features& features, Context& context) {
+HexMesh wrap_ridges(HexMesh mesh, const Features& features, const std::vector<CreaseEdge>& creases, Context& context) {
+  mesh = wrap_creases(std::move(mesh), creases, features, context);
   Ledger ledger;
   for (auto& map : ledger.of) map.assign(features.chart_count(), Standing::Open);
   while (true) {
@@ -156,7 +157,7 @@ HexMesh wrap_ridges(HexMesh mesh, const Features& features, Context& context) {
     mesh = insert_row(std::move(mesh), request, features);
     for (ChartId c : batch) ledger.at(strip, c) = Standing::Wrapped;
   }
-  return wrap_creases(std::move(mesh), features, context);
+  return mesh;
 }
 
 }  // namespace strata

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "core/mesh/crease_edge.h"
 #include "core/mesh/hex_mesh.h"
 #include "core/optimise/ground.h"
 
@@ -16,7 +17,7 @@ struct FitResult {
   double worst_off = 0;           // the farthest of them, over the local edge length
   std::int64_t far = 0;           // those farther than a quarter of the local edge
   std::int64_t held = 0;          // boundary vertices in all
-  std::int64_t softened = 0;      // curves that no edge path represents
+  std::int64_t softened = 0;      // curves that no edge path represents, or places where features were let go
   std::int64_t bad = 0;           // hexes whose scaled Jacobian, corners and centre, is not above kLeastJacobian
 };
 
@@ -29,7 +30,19 @@ inline constexpr double kLeastJacobian = 1e-4;
 FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context);
 
 // Labels every quad with chart and patch, matches corners to vertices and curves to edge paths, sets attachments.
-FitResult match_features(HexMesh mesh, const Ground& ground, Context& context);
+struct Match {
+  HexMesh mesh;
+  std::vector<CreaseEdge> creases;  // edges of paths that labels do not show
+  std::vector<CurveId> softened;  // curves that no edge path represents, ascending: too small for the cells, in each other's way, or let go
+};
+// `let_go`: by curve, 1: not to be represented; may be empty.
+Match match_features(HexMesh mesh, const Ground& ground, const IdMap<CurveId, std::uint8_t>& let_go, Context& context);
+// Tells the user which curves the mesh rounds off.
+void report_softened(const std::vector<CurveId>& curves, const Ground& ground, Context& context);
+
+// Creases inside one chart without which poor hexes could be better: the weakest near each, ascending. Faint creases, often noise, are named
+// for poor hexes; others only for hexes that are bad.
+std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features);
 
 // Moves held vertices onto their corners, curves and charts; interior follows; worst-first polish.
 FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context);

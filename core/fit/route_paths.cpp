@@ -302,8 +302,6 @@ class Router {
 
 }  // namespace
 
-void route_paths(Matching& m, Context& context) {
-  Router(m).run(context);
-}
+void route_paths(Matching& m, Context& context) { Router(m).run(context); }
 
 }  // namespace strata

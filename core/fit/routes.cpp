@@ -41,7 +41,7 @@ struct Chain {
 
 class Pruner {
  public:
-  Pruner(const Ground& ground, const std::function<double(const Vec3&)>& size_at)
+  Pruner(const Ground& ground, const IdMap<CurveId, std::uint8_t>& let_go, const std::function<double(const Vec3&)>& size_at)
       : surface_(ground.surface()),
         features_(ground.features()),
         links_(features_.curves.size()),
@@ -53,6 +53,7 @@ class Pruner {
     for (CurveId c : features_.curves.ids()) {
       const Curve& curve = features_.curves[c];
       Link& link = links_[c];
+      link.alive = let_go.empty() || let_go[c] == 0;
       const auto patch = [&](ChartId chart) { return chart.valid() ? features_.patch_of_chart[chart] : PatchId(); };
       link.border = !curve.manifold || patch(curve.left) != patch(curve.right);
       link.sharpness = std::max(std::abs(std::numbers::pi - curve.dihedral_mean), 0.0);
@@ -63,9 +64,15 @@ class Pruner {
     }
     for (CornerId c : united_.ids()) united_[c] = c;
     for (ChartId c : chart_root_.ids()) chart_root_[c] = c;
+    for (CurveId c : features_.curves.ids()) {
+      if (links_[c].alive) continue;
+      join_charts(features_.curves[c]);
+      for (const CornerId end : {features_.curves[c].first, features_.curves[c].last})
+        if (end.valid()) altered_[end] = 1;
+    }
     for (TriangleId t : features_.chart.ids()) {
       const auto [a, b, c] = surface_.corners(t);
-      if (features_.chart[t].valid()) area_[features_.chart[t]] += 0.5 * (b - a).cross(c - a).norm();
+      if (features_.chart[t].valid()) area_[root(features_.chart[t])] += 0.5 * (b - a).cross(c - a).norm();
     }
   }
 
@@ -157,14 +164,17 @@ class Pruner {
       if (links_[c].alive && !done[c]) follow({c, false});
   }
 
+  void join_charts(const Curve& curve) {
+    const ChartId a = root(curve.left), b = root(curve.right);
+    if (!a.valid() || !b.valid() || a == b) return;
+    const auto [kept, gone] = std::minmax(a, b);
+    chart_root_[gone] = kept;
+    area_[kept] += area_[gone];
+  }
   void drop(const Chain& chain) {
     for (const Step& s : chain.steps) {
       links_[s.curve].alive = false;
-      const ChartId a = root(features_.curves[s.curve].left), b = root(features_.curves[s.curve].right);
-      if (!a.valid() || !b.valid() || a == b) continue;
-      const auto [kept, gone] = std::minmax(a, b);
-      chart_root_[gone] = kept;
-      area_[kept] += area_[gone];
+      join_charts(features_.curves[s.curve]);
     }
   }
 
@@ -295,6 +305,8 @@ class Pruner {
 
 }  // namespace
 
-RoutePlan plan_routes(const Ground& ground, const std::function<double(const Vec3&)>& size_at) { return Pruner(ground, size_at).run(); }
+RoutePlan plan_routes(const Ground& ground, const IdMap<CurveId, std::uint8_t>& let_go, const std::function<double(const Vec3&)>& size_at) {
+  return Pruner(ground, let_go, size_at).run();
+}
 
 }  // namespace strata

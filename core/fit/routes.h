@@ -31,6 +31,7 @@ struct RoutePlan {
 // Leaves out dangling creases shorter than two cells, closed ones shorter than four, one side of strips much narrower than a cell;
 // unites corners much closer than a cell; chains curves where the corner between them was made by what was left out.
 // `size_at`: mesh edge length at a place.
-RoutePlan plan_routes(const Ground& ground, const std::function<double(const Vec3&)>& size_at);
+// `let_go`: by curve, 1: left out from the start; may be empty.
+RoutePlan plan_routes(const Ground& ground, const IdMap<CurveId, std::uint8_t>& let_go, const std::function<double(const Vec3&)>& size_at);
 
 }  // namespace strata

@@ -98,7 +98,7 @@ TEST(WrapRidges, LeavesAnAlignedCubeAlone) {
   Context context;
   HexMesh before = wrap_surface(grid(4, 4, 4), context);
   const Features features = features_of_labels(before, 6);
-  const HexMesh mesh = wrap_ridges(before, features, context);
+  const HexMesh mesh = wrap_ridges(before, features, {}, context);
   EXPECT_EQ(mesh.hexes.size(), before.hexes.size());
 }
 
@@ -108,7 +108,7 @@ TEST(WrapRidges, GivesEveryQuadOneBorderEdgeWhereARidgeIsAStaircase) {
   label(mesh, {Vec3(0, 0.3, 0.9), Vec3(6, 5.2, 5.1)});
   const Features features = features_of_labels(mesh, 2);
   EXPECT_NE(testing::check_one_border_edge_per_quad(mesh), "");
-  mesh = wrap_ridges(std::move(mesh), features, context);
+  mesh = wrap_ridges(std::move(mesh), features, {}, context);
   EXPECT_EQ(check_topology(mesh), "");
   EXPECT_EQ(testing::check_one_border_edge_per_quad(mesh), "");
   EXPECT_EQ(testing::check_quads_per_hex(mesh, 1), "");
@@ -118,12 +118,62 @@ TEST(WrapRidges, GivesEveryQuadOneBorderEdgeWhereARidgeIsAStaircase) {
   EXPECT_TRUE(context.adjustments().empty());
 }
 
+// A path on the top of the block that goes in zigzags: one edge along x, one along y, and so on.
+std::vector<CreaseEdge> zigzag(const HexMesh& mesh, Vec3 from, int edges) {
+  const auto at = [&](const Vec3& p) {
+    VertexId best(std::size_t{0});
+    for (QuadId q : mesh.quads.ids())
+      for (VertexId v : mesh.quads[q])
+        if ((mesh.position[v] - p).norm() < (mesh.position[best] - p).norm()) best = v;
+    return best;
+  };
+  std::vector<CreaseEdge> path;
+  for (int i = 0; i < edges; ++i) {
+    const Vec3 to = from + (i % 2 == 0 ? Vec3(1, 0, 0) : Vec3(0, 1, 0));
+    path.push_back({0, at(from), at(to)});
+    from = to;
+  }
+  return path;
+}
+
+TEST(WrapRidges, GivesQuadsBesideABentCreaseOneEdgeOnItEach) {
+  Context context;
+  HexMesh mesh = wrap_surface(grid(8, 8, 4), context);
+  label(mesh, {Vec3(4, 4, 4)});
+  for (Attachment& a : mesh.attachment)
+    if (a.hold != Hold::Free) a = {Hold::Chart, 0};
+  for (QuadId q : mesh.quads.ids())
+    for (VertexId v : mesh.quads[q]) mesh.attachment[v] = {Hold::Chart, 0};
+  Features features;
+  features.patch_of_chart.push_back(PatchId(0));
+  const std::vector<CreaseEdge> crease = zigzag(mesh, Vec3(2, 2, 4), 6);
+  const auto on_path = [&](VertexId a, VertexId b) {
+    return std::any_of(crease.begin(), crease.end(), [&](const CreaseEdge& e) { return (e.a == a && e.b == b) || (e.a == b && e.b == a); });
+  };
+  const auto most_edges = [&](const HexMesh& m) {
+    int most = 0;
+    for (const QuadVertices& q : m.quads) {
+      int edges = 0;
+      for (std::size_t k = 0; k < 4; ++k) edges += on_path(q[k], q[(k + 1) & 3]);
+      most = std::max(most, edges);
+    }
+    return most;
+  };
+  EXPECT_EQ(most_edges(mesh), 2);
+  const std::size_t before = mesh.hexes.size();
+  mesh = wrap_ridges(std::move(mesh), features, crease, context);
+  EXPECT_EQ(check_topology(mesh), "");
+  EXPECT_EQ(testing::check_quads_per_hex(mesh, 1), "");
+  EXPECT_EQ(most_edges(mesh), 1);
+  EXPECT_LT(mesh.hexes.size(), before + 100) << "rows run along the crease only";
+}
+
 TEST(WrapRidges, MovesCornersWithTheWrappedChart) {
   Context context;
   HexMesh mesh = wrap_surface(grid(6, 6, 6), context);
   label(mesh, {Vec3(0, 0, 1), Vec3(6, 1, 5), Vec3(2, 6, 3)});
   const Features features = features_of_labels(mesh, 3);
-  mesh = wrap_ridges(std::move(mesh), features, context);
+  mesh = wrap_ridges(std::move(mesh), features, {}, context);
   EXPECT_EQ(check_topology(mesh), "");
   EXPECT_EQ(check_attachments(mesh, features), "");
   EXPECT_EQ(testing::check_one_border_edge_per_quad(mesh), "");
@@ -140,7 +190,7 @@ TEST(WrapRidges, KeepsRandomlyLabelledSolidsConforming) {
     for (int i = 0; i < 2 + round % 5; ++i) seeds.emplace_back(coordinate(random), coordinate(random), coordinate(random));
     label(mesh, seeds);
     const Features features = features_of_labels(mesh, seeds.size());
-    mesh = wrap_ridges(std::move(mesh), features, context);
+    mesh = wrap_ridges(std::move(mesh), features, {}, context);
     ASSERT_EQ(check_topology(mesh), "");
     ASSERT_EQ(testing::check_quads_per_hex(mesh, 1), "");
     const std::string wrong = testing::check_one_border_edge_per_quad(mesh);
@@ -165,7 +215,7 @@ TEST(WrapRidges, ALayerRoundAChartThatCrossesAnInterfaceKeepsBothRegionsClosed) 
   }
   mesh.patch.assign(mesh.quads.size(), PatchId(0));
   const Features features = features_of_labels(mesh, 5);
-  mesh = wrap_ridges(std::move(mesh), features, context);
+  mesh = wrap_ridges(std::move(mesh), features, {}, context);
   EXPECT_EQ(check_topology(mesh), "");
   EXPECT_EQ(testing::check_one_border_edge_per_quad(mesh), "");
 }
