@@ -61,6 +61,7 @@ void report_relaxed(const FitResult& fit, Rung& rung, Context& context) {
 // Cells of the surface half as large.
 void halve(SizeField& sizes) {
   for (double& size : sizes.at_triangle) size = 0.5 * std::max(std::min(size, sizes.max_size), sizes.min_size);
+  for (SizedSegment& segment : sizes.segments) segment.size *= 0.5;
   sizes.min_size = std::min(sizes.min_size, 0.5 * sizes.max_size);
   for (const double size : sizes.at_triangle) sizes.min_size = std::min(sizes.min_size, size);
 }
@@ -310,7 +311,7 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, cons
   const Features features = detect_features(surface, feature_options(spec), context);
 
   context.begin(Stage::MakeSizeField);
-  const SizeField sizes = make_size_field(surface, features, size_options(spec, surface), context);
+  const SizeField sizes = make_size_field(surface, features, size_options(spec, surface, features), context);
 
   Carved carved = carve_cells(surface, sizes, spec, observer, triangles, context);
 
@@ -349,9 +350,11 @@ CheckReport check_request(TriangleSoup soup, const MeshSpec& wish, Context& cont
     if (usable) {
       const MeshSpec spec = in_working_frame(wish, surface.frame);
       const Features features = detect_features(surface, feature_options(spec), context);
-      const SizeField sizes = make_size_field(surface, features, size_options(spec, surface), context);
-      const Octree octree = refine_octree(surface, sizes, octree_options(spec), context);
-      report.estimate = estimate_of(report.estimate.triangles, octree, spec);
+      const SizeField sizes = make_size_field(surface, features, size_options(spec, surface, features), context);
+      const std::int64_t triangles = report.estimate.triangles;
+      const Observer observer{[&](const Estimate& estimate) { report.estimate = estimate; }, {}};
+      const Carved carved = carve_cells(surface, sizes, spec, observer, triangles, context);
+      report.estimate = count_hexes(report.estimate, carved.mesh, surface, Locator(surface), spec);
     }
   } catch (const MeshError& error) {
     if (error.failure() != Failure::InvalidInput) throw;

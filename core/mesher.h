@@ -36,7 +36,7 @@ struct Outcome {
   std::vector<StageRecord> stages;
 };
 
-// What a run would cost, from the surface and the octree alone. Figures are estimates but for octree_cells.
+// What a run would cost. Exact: triangles and octree_cells; in check_request also hexes, but for what ridges add and layers give up.
 struct Estimate {
   std::int64_t triangles = 0;
   std::int64_t octree_cells = 0;

@@ -13,7 +13,7 @@ namespace strata {
 MeshSpec in_working_frame(MeshSpec spec, const Frame& frame);
 
 // Of a specification in the working frame.
-SizeOptions size_options(const MeshSpec& spec, const Surface& surface);
+SizeOptions size_options(const MeshSpec& spec, const Surface& surface, const Features& features);
 OctreeOptions octree_options(const MeshSpec& spec);
 FeatureOptions feature_options(const MeshSpec& spec);
 

@@ -111,6 +111,16 @@ SizingSpec sizing_of(const v1::SizingSpec& wire) {
     need(cylinder.has_to(), indexed("sizing.cylinders", i) + ".to");
     sizing.cylinders.push_back({vec(cylinder.from()), vec(cylinder.to()), cylinder.radius(), cylinder.size()});
   }
+  for (const auto& entry : wire.curves()) sizing.curves.push_back({names(entry.between()), entry.size()});
+  if (wire.has_background()) {
+    need(wire.background().has_min(), "sizing.background.min");
+    need(wire.background().has_max(), "sizing.background.max");
+    const v1::SizeMap& map = wire.background();
+    sizing.background = {
+        vec(map.min()), vec(map.max()), {map.counts().begin(), map.counts().end()}, {map.sizes().begin(), map.sizes().end()}};
+  }
+  if (wire.has_min_level()) sizing.min_level = wire.min_level();
+  if (wire.has_max_level()) sizing.max_level = wire.max_level();
   if (wire.has_gradation()) sizing.gradation = wire.gradation();
   if (wire.has_max_cells()) sizing.max_cells = wire.max_cells();
   return sizing;
@@ -214,6 +224,20 @@ void fill(const SizingSpec& sizing, v1::SizingSpec& wire) {
     out.set_radius(cylinder.radius);
     out.set_size(cylinder.size);
   }
+  for (const CurveSize& entry : sizing.curves) {
+    v1::CurveSize& out = *wire.add_curves();
+    out.mutable_between()->Assign(entry.between.begin(), entry.between.end());
+    out.set_size(entry.size);
+  }
+  if (sizing.background) {
+    v1::SizeMap& out = *wire.mutable_background();
+    *out.mutable_min() = vec(sizing.background->min);
+    *out.mutable_max() = vec(sizing.background->max);
+    out.mutable_counts()->Assign(sizing.background->counts.begin(), sizing.background->counts.end());
+    out.mutable_sizes()->Assign(sizing.background->sizes.begin(), sizing.background->sizes.end());
+  }
+  if (sizing.min_level) wire.set_min_level(*sizing.min_level);
+  if (sizing.max_level) wire.set_max_level(*sizing.max_level);
   wire.set_gradation(sizing.gradation);
   if (sizing.max_cells) wire.set_max_cells(*sizing.max_cells);
 }

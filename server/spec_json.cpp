@@ -197,6 +197,22 @@ void read_sizing(const At& at, v1::SizingSpec& sizing) {
             {"size", [&](const At& s) { cylinder.set_size(number(s)); }}},
            {"from", "to", "radius", "size"});
   };
+  const auto read_curve = [&](const At& a) {
+    v1::CurveSize& curve = *sizing.add_curves();
+    object(a,
+           {{"between", [&](const At& p) { each(p, [&](const At& n) { curve.add_between(text(n)); }); }},
+            {"size", [&](const At& s) { curve.set_size(number(s)); }}},
+           {"between", "size"});
+  };
+  const auto read_map = [&](const At& a) {
+    v1::SizeMap& map = *sizing.mutable_background();
+    object(a,
+           {{"min", [&](const At& p) { *map.mutable_min() = point(p); }},
+            {"max", [&](const At& p) { *map.mutable_max() = point(p); }},
+            {"counts", [&](const At& c) { each(c, [&](const At& n) { map.add_counts(small_number(n)); }); }},
+            {"sizes", [&](const At& s) { each(s, [&](const At& n) { map.add_sizes(number(n)); }); }}},
+           {"min", "max", "counts", "sizes"});
+  };
   object(at, {{"max_size", [&](const At& a) { sizing.set_max_size(number(a)); }},
               {"min_size", [&](const At& a) { sizing.set_min_size(number(a)); }},
               {"patches", [&](const At& a) { each(a, read_patch_size); }},
@@ -205,6 +221,10 @@ void read_sizing(const At& at, v1::SizingSpec& sizing) {
               {"boxes", [&](const At& a) { each(a, read_box); }},
               {"spheres", [&](const At& a) { each(a, read_sphere); }},
               {"cylinders", [&](const At& a) { each(a, read_cylinder); }},
+              {"curves", [&](const At& a) { each(a, read_curve); }},
+              {"background", read_map},
+              {"min_level", [&](const At& a) { sizing.set_min_level(small_number(a)); }},
+              {"max_level", [&](const At& a) { sizing.set_max_level(small_number(a)); }},
               {"gradation", [&](const At& a) { sizing.set_gradation(number(a)); }},
               {"max_cells", [&](const At& a) { sizing.set_max_cells(whole_number(a)); }}});
 }

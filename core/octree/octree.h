@@ -28,6 +28,7 @@ struct Octree {
 
 struct OctreeOptions {
   int max_level = 18;
+  double gradation = 2;                 // cells grow by at most (gradation - 1) times the distance; 2 and more: by the balance alone
   std::int64_t max_cells = 0;           // 0: no cap; else sizes are coarsened by factors of 2^(1/3) until the tree fits, and reported
 };
 

@@ -37,12 +37,16 @@ Cube cube_of(const RootCube& root, std::uint64_t code, int level) {
 // Which triangles are near which cubes.
 class Nearness {
  public:
-  Nearness(const Surface& surface, const RootCube& root) : surface_(surface), slack_(kOverlapSlack * root.size) {
-    boxes_.resize(surface.triangles.size());
+  Nearness(const Surface& surface, const SizeField& sizes, const RootCube& root)
+      : surface_(surface), sizes_(sizes), slack_(kOverlapSlack * root.size) {
+    boxes_.resize(surface.triangles.size() + sizes.segments.size());
     parallel_for(boxes_.size(), [&](std::size_t t) {
-      for (const Vec3& corner : surface.corners(TriangleId(t))) boxes_[t].add(corner);
+      for (const Vec3& corner : corners(static_cast<std::int32_t>(t))) boxes_[t].add(corner);
     });
   }
+
+  // Triangles first, then the segments of the size field as triangles without area.
+  [[nodiscard]] std::size_t count() const { return boxes_.size(); }
 
   // Bit c: the triangle is near child c of the cube.
   [[nodiscard]] std::uint8_t children_near(const Cube& parent, std::int32_t triangle) const {
@@ -60,7 +64,7 @@ class Nearness {
       near &= kept;
     }
     if (near == 0 || box.extent().maxCoeff() < kSmallTriangle * edge) return static_cast<std::uint8_t>(near);
-    const TriangleAxes axes(surface_.corners(TriangleId(triangle)));
+    const TriangleAxes axes(corners(triangle));
     for (unsigned child = 0; child < 8; ++child) {
       if (!(near >> child & 1)) continue;
       const Vec3 centre = parent.low + edge * Vec3(0.5 + (child & 1), 0.5 + (child >> 1 & 1), 0.5 + (child >> 2 & 1));
@@ -75,8 +79,7 @@ class Nearness {
     if ((box.min.array() > cube.low.array() + cube.edge + inflation).any() || (box.max.array() < cube.low.array() - inflation).any())
       return false;
     if (box.extent().maxCoeff() < kSmallTriangle * cube.edge) return true;
-    return !TriangleAxes(surface_.corners(TriangleId(triangle)))
-                .separate(cube.low + Vec3::Constant(cube.edge / 2), cube.edge / 2 + inflation);
+    return !TriangleAxes(corners(triangle)).separate(cube.low + Vec3::Constant(cube.edge / 2), cube.edge / 2 + inflation);
   }
 
   [[nodiscard]] bool meets_surface_box(const Cube& cube) const {
@@ -85,7 +88,15 @@ class Nearness {
   }
 
  private:
+  [[nodiscard]] std::array<Vec3, 3> corners(std::int32_t triangle) const {
+    const auto i = static_cast<std::size_t>(triangle), triangles = surface_.triangles.size();
+    if (i < triangles) return surface_.corners(TriangleId(i));
+    const SizedSegment& segment = sizes_.segments[i - triangles];
+    return {segment.from, segment.to, segment.to};
+  }
+
   const Surface& surface_;
+  const SizeField& sizes_;
   double slack_;
   std::vector<Box> boxes_;
 };
@@ -150,6 +161,10 @@ std::vector<std::uint8_t> nodes_to_split(const TreeLevel& nodes, const RootCube&
     bool asked = targets.inside_box > nodes.level && nearness.meets_surface_box(cube);
     for (std::size_t s = 0; s < sizes.sources.size() && !asked; ++s)
       asked = targets.of_source[s] > nodes.level && meets(sizes.sources[s], cube);
+    if (!asked && !sizes.grid.sizes.empty()) {
+      const double size = sizes.grid.smallest_in(cube.low, cube.edge);
+      asked = std::isfinite(size) && level_of(size, targets) > nodes.level;
+    }
     splits[n] = asked ? 1 : 0;
   });
   return splits;
@@ -207,11 +222,11 @@ TreeLevel children_of(const TreeLevel& nodes, const std::vector<std::size_t>& sp
 // Stops early, with the splits so far, when they alone make more than `most_blocks` leaves (0: no bound).
 Refinement refine(const Surface& surface, const SizeField& sizes, const RootCube& root, const TargetLevels& targets,
                   std::int64_t most_blocks, Context& context) {
-  const Nearness nearness(surface, root);
+  const Nearness nearness(surface, sizes, root);
   Refinement result;
   TreeLevel nodes;
   nodes.code = {0};
-  nodes.triangle.resize(surface.triangles.size());
+  nodes.triangle.resize(nearness.count());
   for (std::size_t t = 0; t < nodes.triangle.size(); ++t) nodes.triangle[t] = static_cast<std::int32_t>(t);
   nodes.first = {0, static_cast<std::int64_t>(nodes.triangle.size())};
   while (!nodes.code.empty()) {
@@ -231,8 +246,8 @@ Refinement refine(const Surface& surface, const SizeField& sizes, const RootCube
 }
 
 // Balance may have split cut leaves: their parts are asked again.
-void mark_cut(Octree& octree, CutLeaves cut, const Surface& surface, const RootCube& root) {
-  const Nearness nearness(surface, root);
+void mark_cut(Octree& octree, CutLeaves cut, const Surface& surface, const SizeField& sizes, const RootCube& root) {
+  const Nearness nearness(surface, sizes, root);
   parallel_sort(cut.leaves.begin(), cut.leaves.end(), [](const auto& a, const auto& b) { return a.key < b.key; });
   parallel_for(octree.block_count(), [&](std::size_t b) {
     auto leaf =
@@ -267,6 +282,14 @@ void report_clamp(double finest_cell, Context& context) {
   context.adjusted(std::move(diagnostic));
 }
 
+// r rings of nodes between finer and coarser ones are 4 r cells of the finest, from whose size h to 4 h cells may grow in between.
+void smooth_levels(SplitNodes& split, double gradation) {
+  constexpr double kByBalance = 1.75;  // what one ring gives
+  constexpr int kMostRings = 16;
+  if (gradation >= kByBalance) return balance(split);
+  grade(split, std::min(kMostRings, static_cast<int>(std::ceil(3 / (4 * (gradation - 1)) - 1e-9))));
+}
+
 constexpr int kCellsPerBlock = 8;
 constexpr int kStepsPerLevel = 3;  // sizes grow by 2^(1/3) a step
 constexpr int kMostSteps = 60;     // a million times larger: a budget too small for any mesh is left to others to refuse
@@ -291,7 +314,7 @@ Octree refine_octree(const Surface& surface, const SizeField& sizes, const Octre
     Refinement refinement = refine(surface, sizes, root, targets, most_blocks, context);
     context.progress(0.7);
     const bool complete = most_blocks == 0 || leaf_count(refinement.split) <= most_blocks;
-    if (complete) balance(refinement.split);
+    if (complete) smooth_levels(refinement.split, options.gradation);
     const std::int64_t blocks = leaf_count(refinement.split);
     if (most_blocks > 0 && blocks > most_blocks && step < kMostSteps) {
       step += steps_to_next_try(refinement.split, targets);
@@ -301,7 +324,7 @@ Octree refine_octree(const Surface& surface, const SizeField& sizes, const Octre
     Octree octree = leaves_of(refinement.split);
     octree.origin = root.origin;
     octree.root_size = root.size;
-    mark_cut(octree, std::move(refinement.cut), surface, root);
+    mark_cut(octree, std::move(refinement.cut), surface, sizes, root);
     mark_outside(octree, surface);
     if (step > 0) report_coarsening(coarsening, options.max_cells, kCellsPerBlock * blocks, context);
     if (targets.clamped) report_clamp(std::ldexp(root.size, -std::min(options.max_level, Octree::kMaxLevel) - 1), context);

@@ -49,6 +49,37 @@ void balance(SplitNodes& split) {
   }
 }
 
+// All nodes within `rings` of a split node must exist, so their parents are split.
+void grade(SplitNodes& split, int rings) {
+  for (std::size_t level = split.size(); level-- > 1;) {
+    const std::int64_t parents_per_side = std::int64_t{1} << (level - 1);
+    std::vector<std::uint64_t> fine_parents = split[level];
+    // Siblings ask for nearly the same: the whole family is widened at once.
+    for (std::uint64_t& code : fine_parents) code >>= 3;
+    fine_parents.erase(std::unique(fine_parents.begin(), fine_parents.end()), fine_parents.end());
+    const std::int64_t reach = (rings + 1) / 2;  // of the children's rings, in parents
+    const std::size_t side = static_cast<std::size_t>(2 * reach + 1), around = side * side * side;
+    std::vector<std::uint64_t>& coarse = split[level - 1];
+    const std::size_t old = coarse.size();
+    coarse.resize(old + around * fine_parents.size());
+    parallel_for(fine_parents.size(), [&](std::size_t i) {
+      const GridPoint parent = morton_point(fine_parents[i]);
+      std::size_t at = old + around * i;
+      for (std::int64_t z = -reach; z <= reach; ++z)
+        for (std::int64_t y = -reach; y <= reach; ++y)
+          for (std::int64_t x = -reach; x <= reach; ++x) {
+            const GridPoint p{parent[0] + x, parent[1] + y, parent[2] + z};
+            const bool inside = std::all_of(p.begin(), p.end(), [&](std::int64_t c) { return c >= 0 && c < parents_per_side; });
+            coarse[at++] = inside ? morton_code(p) : kNoNode;
+          }
+    });
+    parallel_sort(coarse.begin(), coarse.end());
+    coarse.erase(std::unique(coarse.begin(), coarse.end()), coarse.end());
+    if (!coarse.empty() && coarse.back() == kNoNode) coarse.pop_back();
+  }
+  balance(split);
+}
+
 std::int64_t leaf_count(const SplitNodes& split) {
   std::int64_t count = 1;
   for (const auto& nodes : split) count += 7 * static_cast<std::int64_t>(nodes.size());

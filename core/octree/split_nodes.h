@@ -15,6 +15,9 @@ using SplitNodes = std::vector<std::vector<std::uint64_t>>;
 // corner may differ by two; the dual does not mind.) O(n log n), one sweep from fine to coarse.
 void balance(SplitNodes& split);
 
+// Balances, and keeps at least `rings` nodes of each level between finer and coarser ones, in every direction.
+void grade(SplitNodes& split, int rings);
+
 std::int64_t leaf_count(const SplitNodes& split);
 
 // Fills key and level, in Morton order; cut is all 0.

@@ -48,6 +48,10 @@ RootCube choose_root(const Surface& surface, const SizeField& sizes, double coar
   return root;
 }
 
+int level_of(double size, const TargetLevels& targets) {
+  return std::clamp(static_cast<int>(std::round(targets.of_unit_size - std::log2(size))), 0, targets.finest);
+}
+
 TargetLevels target_levels(const Surface& surface, const SizeField& sizes, double coarsening, double root_size, int finest_level) {
   TargetLevels levels;
   const auto exact = [&](double size) { return std::log2(root_size / (2 * coarsening * size)); };
@@ -55,12 +59,15 @@ TargetLevels target_levels(const Surface& surface, const SizeField& sizes, doubl
     if (level > finest_level) levels.clamped = true;
     return std::clamp(static_cast<int>(level), 0, finest_level);
   };
+  levels.finest = finest_level;
+  levels.of_unit_size = exact(1);
   levels.inside_box = clamped(std::ceil(exact(sizes.max_size) - kLevelSlack));
   const auto nearest = [&](double size) {
     return static_cast<std::uint8_t>(std::max(levels.inside_box, clamped(std::round(exact(bounded(size, sizes))))));
   };
   levels.of_triangle.reserve(surface.triangles.size());
   for (const double size : sizes.at_triangle) levels.of_triangle.push_back(nearest(size));
+  for (const SizedSegment& segment : sizes.segments) levels.of_triangle.push_back(nearest(segment.size));
   for (const SizeSource& source : sizes.sources) levels.of_source.push_back(nearest(source.size));
   return levels;
 }

@@ -39,6 +39,16 @@ SizeField make_size_field(const Surface& surface, const Features& features, cons
     source.a = low;
     source.b = high;
   }
+  for (CurveId c : options.curve_size.ids()) {
+    const std::vector<PointId>& points = features.curves[c].points;
+    if (options.curve_size[c] == kNone) continue;
+    const double size = std::max(options.curve_size[c], options.min_size);
+    for (std::size_t i = 0; i + 1 < points.size(); ++i)
+      field.segments.push_back({surface.points[points[i]], surface.points[points[i + 1]], size});
+    if (features.curves[c].closed) field.segments.push_back({surface.points[points.back()], surface.points[points.front()], size});
+  }
+  field.grid = options.grid;
+  for (double& size : field.grid.sizes) size = std::max(size, options.min_size);
   context.progress(1);
   return field;
 }

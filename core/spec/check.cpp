@@ -13,6 +13,8 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kMostGrowth = 10;
 constexpr int kMostLayers = 1000;
 constexpr double kMostGapCells = 64;
+constexpr int kMostMapNodes = 1024;  // along an axis
+constexpr int kDeepest = 18;         // octree levels
 constexpr std::size_t kLongestName = 60;  // of a patch name in a message: messages travel in headers
 constexpr std::size_t kMostChecked = 64;  // longer names are not compared for a did-you-mean
 
@@ -134,6 +136,22 @@ void check_volume(const VolumeSpec& volume, Checker& check) {
   for (std::size_t i = 0; i < volume.points.size(); ++i) check.finite(at("volume.points", i), volume.points[i]);
 }
 
+void check_background(const SizeMap& map, Checker& check) {
+  const std::string field = "sizing.background";
+  check.finite(field + ".min", map.min);
+  check.finite(field + ".max", map.max);
+  if (!((map.min.array() < map.max.array()).all())) check.fault(Reason::SpecInvalid, field, "min must be below max");
+  std::size_t nodes = 1;
+  for (const int n : map.counts) nodes *= static_cast<std::size_t>(std::clamp(n, 0, kMostMapNodes));
+  if (map.counts.size() != 3 || std::any_of(map.counts.begin(), map.counts.end(), [](int n) { return n < 2 || n > kMostMapNodes; }))
+    check.fault(Reason::SpecInvalid, field + ".counts", "must be three numbers from 2 to " + std::to_string(kMostMapNodes));
+  else if (nodes != map.sizes.size())
+    check.fault(Reason::SpecInvalid, field + ".sizes",
+                "must hold " + std::to_string(nodes) + " sizes, one for each node, but holds " + std::to_string(map.sizes.size()));
+  for (std::size_t i = 0; i < map.sizes.size(); ++i)
+    if (!(map.sizes[i] > 0)) return check.above(at(field + ".sizes", i), map.sizes[i], 0);
+}
+
 void check_sizing(const SizingSpec& sizing, Checker& check) {
   if (sizing.max_size) check.above("sizing.max_size", *sizing.max_size, 0);
   if (sizing.min_size) check.above("sizing.min_size", *sizing.min_size, 0);
@@ -172,6 +190,20 @@ void check_sizing(const SizingSpec& sizing, Checker& check) {
     check.above(field + ".radius", cylinder.radius, 0);
     check.above(field + ".size", cylinder.size, 0);
   }
+  for (std::size_t i = 0; i < sizing.curves.size(); ++i) {
+    const std::string field = at("sizing.curves", i);
+    if (sizing.curves[i].between.size() > 2) check.fault(Reason::SpecInvalid, field + ".between", "must be one or two patches");
+    check.patches(field + ".between", sizing.curves[i].between);
+    check.above(field + ".size", sizing.curves[i].size, 0);
+  }
+  if (sizing.background) check_background(*sizing.background, check);
+  for (const auto& [field, level] : {std::pair("sizing.min_level", sizing.min_level), std::pair("sizing.max_level", sizing.max_level)}) {
+    if (!level) continue;
+    check.at_least(field, *level, 0);
+    check.at_most(field, *level, kDeepest);
+  }
+  if (sizing.min_level && sizing.max_level && *sizing.min_level > *sizing.max_level)
+    check.fault(Reason::SpecInvalid, "sizing.min_level", "must be at most max_level");
   check.above("sizing.gradation", sizing.gradation, 1);
   if (sizing.max_cells) check.at_least("sizing.max_cells", static_cast<double>(*sizing.max_cells), 1);
 }

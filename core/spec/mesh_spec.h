@@ -40,6 +40,16 @@ struct CylinderSize {
   double radius = 0;
   double size = 0;
 };
+struct CurveSize {
+  std::vector<std::string> between;  // one or two patterns: the patches on either side
+  double size = 0;
+};
+struct SizeMap {
+  Vec3 min, max;
+  std::vector<int> counts;           // nodes along x, y, z
+  std::vector<double> sizes;         // at the nodes, x running fastest
+};
+
 struct SizingSpec {
   std::optional<double> max_size;    // bound for every cell; default: longest side of the bounding box / 16
   std::optional<double> min_size;
@@ -49,7 +59,10 @@ struct SizingSpec {
   std::vector<BoxSize> boxes;
   std::vector<SphereSize> spheres;
   std::vector<CylinderSize> cylinders;
-  double gradation = 2;              // largest ratio of neighbouring cell sizes; 2 is what the octree's balance gives
+  std::vector<CurveSize> curves;
+  std::optional<SizeMap> background; // refines, never coarsens
+  std::optional<int> min_level, max_level;  // octree depths: cells of the longest side / 2^level; sizes overrule them
+  double gradation = 2;              // cells grow by at most (gradation - 1) times the distance; 2 is what the octree's balance gives
   std::optional<std::int64_t> max_cells;
 };
 

@@ -75,7 +75,9 @@ TEST(Spec, EveryKeyArrivesInTheMessage) {
                "gap_cells": 3, "boxes": [{"min": [0,0,0], "max": [1,1,1], "size": 0.3}],
                "spheres": [{"centre": [0,0,0], "radius": 2, "size": 0.4}],
                "cylinders": [{"from": [0,0,0], "to": [0,0,1], "radius": 3, "size": 0.6}],
-               "gradation": 1.5, "max_cells": 1000},
+               "curves": [{"between": ["wing", "body*"], "size": 0.05}],
+               "background": {"min": [0,0,0], "max": [1,2,3], "counts": [2,2,2], "sizes": [1,2,3,4,5,6,7,8]},
+               "min_level": 3, "max_level": 9, "gradation": 1.5, "max_cells": 1000},
     "features": {"ridge_angle_deg": 30, "sharp_edges": "fillet"},
     "layers": [{"patches": ["wing*"], "count": 6, "first_height": 0.01, "growth": 1.2, "last_height": 0.02,
                 "total_thickness": 0.1, "relative": true, "ending": "cross_imprint",
@@ -96,6 +98,13 @@ TEST(Spec, EveryKeyArrivesInTheMessage) {
   EXPECT_EQ(spec.sizing().spheres(0).radius(), 2);
   EXPECT_EQ(spec.sizing().cylinders(0).to().z(), 1);
   EXPECT_EQ(spec.sizing().cylinders(0).radius(), 3);
+  EXPECT_EQ(spec.sizing().curves(0).between(1), "body*");
+  EXPECT_EQ(spec.sizing().curves(0).size(), 0.05);
+  EXPECT_EQ(spec.sizing().background().max().z(), 3);
+  EXPECT_EQ(spec.sizing().background().counts(2), 2);
+  EXPECT_EQ(spec.sizing().background().sizes(7), 8);
+  EXPECT_EQ(spec.sizing().min_level(), 3);
+  EXPECT_EQ(spec.sizing().max_level(), 9);
   EXPECT_EQ(spec.sizing().gradation(), 1.5);
   EXPECT_EQ(spec.sizing().max_cells(), 1000);
   EXPECT_EQ(spec.features().ridge_angle_deg(), 30);

@@ -148,5 +148,38 @@ TEST(Check, EveryNumberOutOfRangeIsFound) {
                                               "sizing.cylinders[0]", "sizing.gradation", "sizing.max_cells", "features.ridge_angle_deg"}));
 }
 
+TEST(Check, SizeMapsCurvesAndLevelsMustMakeSense) {
+  const auto faults = [](const SizingSpec& sizing) {
+    MeshSpec spec;
+    spec.sizing = sizing;
+    std::vector<std::string> fields;
+    for (const Diagnostic& d : check(spec, kNames)) fields.push_back(d.field);
+    return fields;
+  };
+  using Fields = std::vector<std::string>;
+  SizingSpec sizing;
+  sizing.background = SizeMap{Vec3::Zero(), Vec3::Ones(), {2, 2, 2}, std::vector<double>(8, 0.1)};
+  sizing.curves = {{{"inlet"}, 0.1}, {{"inlet", "*"}, 0.2}};
+  sizing.min_level = 2;
+  sizing.max_level = 2;
+  EXPECT_EQ(faults(sizing), Fields{});
+  sizing.background->sizes[5] = 0;
+  sizing.curves[0] = {{"inlet", "*", "*"}, 0.1};
+  sizing.curves[1] = {{"inle"}, -1};
+  sizing.min_level = 3;
+  EXPECT_EQ(faults(sizing), (Fields{"sizing.curves[0].between", "sizing.curves[1].between[0]", "sizing.curves[1].size",
+                                    "sizing.background.sizes[5]", "sizing.min_level"}));
+  sizing = {};
+  sizing.background = SizeMap{Vec3::Zero(), Vec3::Ones(), {2, 2, 3}, std::vector<double>(8, 0.1)};
+  EXPECT_EQ(faults(sizing), Fields{"sizing.background.sizes"});
+  sizing.background->counts = {2, 1, 2};
+  EXPECT_EQ(faults(sizing), Fields{"sizing.background.counts"});
+  sizing.background->counts = {2, 2};
+  EXPECT_EQ(faults(sizing), Fields{"sizing.background.counts"});
+  sizing = {};
+  sizing.max_level = 40;
+  EXPECT_EQ(faults(sizing), Fields{"sizing.max_level"});
+}
+
 }  // namespace
 }  // namespace strata
