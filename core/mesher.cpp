@@ -167,7 +167,9 @@ HexMesh fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& 
     HexMesh mesh = wrap_ridges(std::move(matched.mesh), ground.features(), matched.creases, context);
     if (round == 0) context.begin(Stage::FitToFeatures);
     mesh = fit_to_features(std::move(mesh), ground, context).mesh;
-    const std::vector<CurveId> in_the_way = round < kMatchRounds ? creases_in_the_way(mesh, ground.features()) : std::vector<CurveId>();
+    const std::vector<CurveId> in_the_way = round < kMatchRounds
+                                                ? creases_in_the_way(mesh, ground.features(), round == 0 ? GiveWay::Weakest : GiveWay::All)
+                                                : std::vector<CurveId>();
     if (!in_the_way.empty()) {
       for (CurveId c : in_the_way) let_go[c] = 1;
       continue;

@@ -14,7 +14,6 @@ namespace {
 constexpr double kWeakOfStrong = 0.5;  // hysteresis: weak ridges turn by half of the ridge angle at least
 constexpr double kDistinct = 2;        // a weak ridge turns this much more than the edges beside it; tessellated rounds do not
 constexpr int kExtension = 3;          // weak edges that extend a strong chain at least
-constexpr double kFragment = 3;        // groups whose box is smaller, in mean edge lengths around, and that dangle are noise
 constexpr double kFloatGrain = 1e-7;        // of float coordinates, working frame
 
 // Groups of marked edges connected through points: union-find with the smallest point as root.
@@ -120,43 +119,6 @@ void extend_by_weak(const Surface& surface, const std::vector<FeatureEdge>& edge
   }
 }
 
-// Short groups of ridge edges that dangle and touch no border are noise.
-void drop_fragments(const Surface& surface, const std::vector<FeatureEdge>& edges, std::vector<char>& feature) {
-  PointGroups groups(surface.points.size());
-  std::vector<std::int32_t> valence(surface.points.size(), 0), around(surface.points.size(), 0);
-  std::vector<double> reach(surface.points.size(), 0);
-  for (std::size_t i = 0; i < edges.size(); ++i) {
-    for (const PointId p : {edges[i].low, edges[i].high}) {
-      reach[p.index()] += edges[i].length;
-      ++around[p.index()];
-      valence[p.index()] += feature[i];
-    }
-    if (feature[i]) groups.join(edges[i].low, edges[i].high);
-  }
-  std::vector<Box> extent(surface.points.size());
-  std::vector<double> mean(surface.points.size(), 0);
-  std::vector<std::int32_t> ends(surface.points.size(), 0), points(surface.points.size(), 0);
-  std::vector<char> firm(surface.points.size(), 0);  // holds a border
-  for (std::size_t i = 0; i < edges.size(); ++i) {
-    if (!feature[i]) continue;
-    const auto root = static_cast<std::size_t>(groups.find(edges[i].low));
-    if (is_hard(surface, edges[i])) firm[root] = 1;
-  }
-  for (const PointId p : surface.points.ids()) {
-    if (valence[p.index()] == 0) continue;
-    const auto root = static_cast<std::size_t>(groups.find(p));
-    extent[root].add(surface.points[p]);
-    ends[root] += valence[p.index()] == 1;
-    mean[root] += reach[p.index()] / around[p.index()];
-    ++points[root];
-  }
-  for (std::size_t i = 0; i < edges.size(); ++i) {
-    if (!feature[i]) continue;
-    const auto root = static_cast<std::size_t>(groups.find(edges[i].low));
-    if (!firm[root] && ends[root] > 0 && extent[root].diagonal() < kFragment * mean[root] / points[root]) feature[i] = 0;
-  }
-}
-
 }  // namespace
 
 std::vector<FeatureEdge> all_edges(const Surface& surface) {
@@ -198,7 +160,6 @@ std::vector<char> mark_features(const Surface& surface, const std::vector<Featur
   std::vector<char> feature(edges.size(), 0);
   parallel_for(edges.size(),
                [&](std::size_t i) { feature[i] = is_hard(surface, edges[i]) || std::abs(edges[i].turn) - edges[i].doubt > ridge_angle; });
-  drop_fragments(surface, edges, feature);  // before the weak ones: noise is not to be extended
   extend_by_weak(surface, edges, ridge_angle, feature);
   return feature;
 }

@@ -40,9 +40,10 @@ Match match_features(HexMesh mesh, const Ground& ground, const IdMap<CurveId, st
 // Tells the user which curves the mesh rounds off.
 void report_softened(const std::vector<CurveId>& curves, const Ground& ground, Context& context);
 
-// Creases inside one chart without which poor hexes could be better: the weakest near each, ascending. Faint creases, often noise, are named
+// Creases inside one chart without which poor hexes could be better: the weakest or all near each, ascending. Faint creases, often noise, are named
 // for poor hexes; others only for hexes that are bad.
-std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features);
+enum class GiveWay { Weakest, All };
+std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, GiveWay give_way);
 
 // Moves held vertices onto their corners, curves and charts; interior follows; worst-first polish.
 FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context);

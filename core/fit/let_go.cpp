@@ -37,7 +37,7 @@ std::vector<double> corner_jacobians(const HexMesh& mesh) {
 
 }  // namespace
 
-std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features) {
+std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, GiveWay give_way) {
   const std::vector<double> jacobian = corner_jacobians(mesh);
   const VertexStars<HexId> star = hexes_round_vertices(mesh);
   std::vector<CurveId> result, candidates;
@@ -61,8 +61,10 @@ std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& fea
         for (HexId n : star.of(v))
           for (VertexId w : mesh.hexes[n]) look(w, worst);
     if (candidates.empty()) continue;
-    result.push_back(*std::min_element(candidates.begin(), candidates.end(),
-                                       [&](CurveId a, CurveId b) { return strength(features, a) < strength(features, b); }));
+    if (give_way == GiveWay::All) result.insert(result.end(), candidates.begin(), candidates.end());
+    else
+      result.push_back(*std::min_element(candidates.begin(), candidates.end(),
+                                         [&](CurveId a, CurveId b) { return strength(features, a) < strength(features, b); }));
   }
   std::sort(result.begin(), result.end());
   result.erase(std::unique(result.begin(), result.end()), result.end());

@@ -163,11 +163,13 @@ TEST(Features, JitterAndOrderDoNotChangeTheGraph) {
   }
 }
 
-TEST(Features, ASingleSharpFragmentOnASmoothSurfaceIsNoise) {
+// Whether a crease is too small to matter depends on the cells: the match decides.
+TEST(Features, ASingleSharpEdgeIsACrease) {
   TriangleSoup soup = test::sphere(4);
   soup.points[700] *= 1.02;
   const auto [s, f] = found(soup, {.ridge_angle = 0.3});
-  EXPECT_EQ(f.curves.size(), 0u);
+  EXPECT_GT(f.curves.size(), 0u);
+  for (const Curve& c : f.curves) EXPECT_LT(c.length, 0.2 * s.box.diagonal());
 }
 
 TEST(Features, EveryEdgeBetweenTwoChartsBelongsToACurve) {
