@@ -260,7 +260,11 @@ void Grower::collapse_wedges() {
 
 void Grower::inflate() {
   const auto remeasure = [&] {
-    for (GroupSheet& s : sheets_) measure_feet(s);
+    for (GroupSheet& s : sheets_) {
+      measure_feet(s);
+      GrowingSheet& g = s.growing;
+      if (g.thickness.size() == g.columns.size()) lean_with_edges(mesh, g.columns, g.beside, g.thickness, g.feet);
+    }
   };
   // Now that all sheets are in, their columns know all their neighbours.
   remeasure();

@@ -14,6 +14,10 @@ constexpr double kGoodVisibility = 0.7;   // the mean of the normals serves whil
 constexpr double kMostStretch = 2;        // longer columns would cross their neighbours before they gain height
 constexpr double kSteep = 0.3;            // of a facet's normal in a chart's plane: less says little of a direction there
 constexpr double kGapShare = 0.35;        // of the way to the opposite wall, which may want layers too
+constexpr double kEdgeStretch = 1.05;     // columns longer than their height by more stand on an edge
+constexpr int kLeanSweeps = 12;
+constexpr double kLeanDecay = 0.95;
+constexpr double kLeastLean = 0.02;       // of the thickness: less is not worth leaving the normal
 constexpr double kRayStart = 1e-3;        // of the local size: off the own wall
 constexpr double kOwnWall = 0.5;          // of the local size: nearer hits may be the own wall
 constexpr int kMostOwnWalls = 4;
@@ -219,6 +223,49 @@ void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::a
       if (tj > ti + slope) tj = ti + slope, changed = true;
     }
     if (!changed) break;
+  }
+}
+
+void lean_with_edges(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside,
+                     const std::vector<double>& thickness, std::vector<Foot>& feet) {
+  const std::size_t count = columns.size();
+  std::vector<std::uint8_t> edge(count, 0), leans(count, 0);
+  for (std::size_t c = 0; c < count; ++c) {
+    const bool free = mesh.attachment[columns.top[c]].hold == Hold::Free;
+    edge[c] = free && feet[c].stretch > kEdgeStretch;
+    leans[c] = free && !edge[c];
+  }
+  if (std::find(edge.begin(), edge.end(), 1) == edge.end()) return;
+  const auto top_offset = [&](std::size_t c) { return Vec3(feet[c].direction * (feet[c].stretch * thickness[c])); };
+  std::vector<Vec3> lean(count, Vec3::Zero()), sum(count);
+  std::vector<int> neighbours(count);
+  for (int sweep = 0; sweep < kLeanSweeps; ++sweep) {
+    std::fill(sum.begin(), sum.end(), Vec3::Zero());
+    std::fill(neighbours.begin(), neighbours.end(), 0);
+    const auto pull = [&](std::size_t from, std::size_t to) {
+      ++neighbours[to];
+      if (!edge[from]) {
+        sum[to] += lean[from];
+        return;
+      }
+      const Vec3 offset = top_offset(from);
+      if (offset.dot(mesh.position[columns.bottom[to]] - mesh.position[columns.bottom[from]]) > 0) sum[to] += offset;
+    };
+    for (const auto& [a, b] : beside) {
+      pull(static_cast<std::size_t>(a), static_cast<std::size_t>(b));
+      pull(static_cast<std::size_t>(b), static_cast<std::size_t>(a));
+    }
+    for (std::size_t c = 0; c < count; ++c) {
+      if (!leans[c] || neighbours[c] == 0) continue;
+      const Vec3 mean = sum[c] * (kLeanDecay / neighbours[c]), n = feet[c].direction;
+      lean[c] = mean - n * n.dot(mean);
+    }
+  }
+  for (std::size_t c = 0; c < count; ++c) {
+    if (!leans[c] || lean[c].norm() <= kLeastLean * thickness[c]) continue;
+    const Vec3 offset = top_offset(c) + lean[c];
+    feet[c].direction = offset.normalized();
+    feet[c].stretch = offset.norm() / thickness[c];
   }
 }
 

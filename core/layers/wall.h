@@ -47,4 +47,9 @@ std::vector<std::array<std::int32_t, 2>> columns_beside(const HexMesh& mesh, con
 void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside,
            std::vector<double>& thickness);
 
+// In a concave edge that one sheet covers, the columns on the edge lean away from either wall, over the next columns when they are thick.
+// Lets the columns beside lean along with them, less and less; their heights stay.
+void lean_with_edges(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside,
+                     const std::vector<double>& thickness, std::vector<Foot>& feet);
+
 }  // namespace strata
