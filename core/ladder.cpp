@@ -19,22 +19,6 @@ namespace {
 constexpr double kFlat = 0.02;  // scaled Jacobian of hexes that the wrap leaves too flat
 constexpr int kSweeps = 30;     // to free them
 
-void label_by_nearest(HexMesh& mesh, const Ground& ground) {
-  mesh.patch.resize(mesh.quads.size());
-  mesh.chart.resize(mesh.quads.size());
-  parallel_for(
-      mesh.quads.size(),
-      [&](std::size_t i) {
-        const QuadId q(i);
-        Vec3 centre = Vec3::Zero();
-        for (VertexId v : mesh.quads[q]) centre += 0.25 * mesh.position[v];
-        const TriangleId near = ground.closest(centre).triangle;
-        mesh.patch[q] = ground.surface().patch[near];
-        mesh.chart[q] = ground.features().chart[near];
-      },
-      128);
-}
-
 std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
   std::array<Vec3, 8> corners;
   for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[h][c]];
@@ -90,8 +74,25 @@ void require_no_contacts(const HexMesh& mesh) {
   if (const auto contacts = find_contacts(mesh); !contacts.empty()) throw MeshError(Failure::Internal, describe(mesh, contacts));
 }
 
+HexMesh label_by_nearest(HexMesh mesh, const Ground& ground) {
+  mesh.patch.resize(mesh.quads.size());
+  mesh.chart.resize(mesh.quads.size());
+  parallel_for(
+      mesh.quads.size(),
+      [&](std::size_t i) {
+        const QuadId q(i);
+        Vec3 centre = Vec3::Zero();
+        for (VertexId v : mesh.quads[q]) centre += 0.25 * mesh.position[v];
+        const TriangleId near = ground.closest(centre).triangle;
+        mesh.patch[q] = ground.surface().patch[near];
+        mesh.chart[q] = ground.features().chart[near];
+      },
+      128);
+  return mesh;
+}
+
 HexMesh make_staircase(HexMesh wrapped, const Ground& ground, Context& context) {
-  label_by_nearest(wrapped, ground);
+  wrapped = label_by_nearest(std::move(wrapped), ground);
   IdMap<VertexId, std::uint8_t> movable(wrapped.position.size(), std::uint8_t{0});
   bool any = false;
   for (HexId h : wrapped.hexes.ids()) {
@@ -106,11 +107,6 @@ HexMesh make_staircase(HexMesh wrapped, const Ground& ground, Context& context) 
   OptimiseOptions options;
   options.sweeps = kSweeps;
   return optimise(std::move(wrapped), request, options, context).mesh;
-}
-
-HexMesh make_carved_dual(HexMesh carved, const Ground& ground) {
-  label_by_nearest(carved, ground);
-  return carved;
 }
 
 void report_folded(const HexMesh& mesh, Context& context) {

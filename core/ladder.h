@@ -26,10 +26,10 @@ void require(const HexMesh& mesh, const Promises& promises = {});
 // Throws MeshError(Internal) when the skin touches itself.
 void require_no_contacts(const HexMesh& mesh);
 
-// The rung `staircase`: the carved hexes with their buffer layer, as they are. Quads take the patch of the nearest place of the surface.
+// Every quad takes the patch and the chart of the nearest place of the surface. The carved hexes alone are the rung `carved_dual`.
+HexMesh label_by_nearest(HexMesh mesh, const Ground& ground);
+// The rung `staircase`: the carved hexes with their buffer layer, as they are, labelled by nearest.
 HexMesh make_staircase(HexMesh wrapped, const Ground& ground, Context& context);
-// The rung `carved_dual`: the carved hexes alone.
-HexMesh make_carved_dual(HexMesh carved, const Ground& ground);
 
 // Hexes that are positive at the corners but, as far as can be proved, not everywhere inside: told, not refused.
 void report_folded(const HexMesh& mesh, Context& context);

@@ -14,6 +14,7 @@
 #include "core/features/features.h"
 #include "core/fit/fit.h"
 #include "core/fit/part_contacts.h"
+#include "core/fit/retreat.h"
 #include "core/ladder.h"
 #include "core/layers/grow_layers.h"
 #include "core/octree/octree.h"
@@ -200,9 +201,23 @@ HexMesh take_off_itself(HexMesh mesh, Context& context) {
   return std::move(parted.mesh);
 }
 
+// The smooth fit, gone back towards the staircase where hexes would invert.
+HexMesh smooth_without_features(const HexMesh& wrapped, HexMesh smooth, const Diagnostic& failure, const Run& run) {
+  Retreat gone_back = retreat(make_staircase(wrapped, run.ground, run.context), std::move(smooth));
+  HexMesh mesh = label_by_nearest(std::move(gone_back.mesh), run.ground);
+  require(mesh);
+  mesh = take_off_itself(std::move(mesh), run.context);
+  fall_to(run.rung, Rung::FitRelaxed);
+  report_fall(failure, Reason::SurfaceFitRelaxed,
+              "features could not be held: the mesh follows the surface without them, but for " + std::to_string(gone_back.moved) +
+                  " boundary vertices that stay off it",
+              run.context);
+  return mesh;
+}
+
 // The ladder's last rungs: what cannot be fitted keeps the staircase of its cells, in the buffer layer or bare.
 HexMesh fit_or_fall(HexMesh carved, const Run& run) {
-  HexMesh mesh, wrapped;
+  HexMesh mesh, wrapped, smooth;
   run.context.begin(Stage::WrapSurface);
   auto failure = failure_of([&] {
     wrapped = wrap_surface(carved, run.context);
@@ -211,15 +226,17 @@ HexMesh fit_or_fall(HexMesh carved, const Run& run) {
   if (!failure) {
     run.context.begin(Stage::FitToSmooth);
     failure = failure_of([&] {
-      mesh = fit_to_smooth(wrapped, run.ground, run.context).mesh;
-      require(mesh, kUnfitted);
-      tell_quality(Stage::FitToSmooth, mesh, run);
-      mesh = fit_features(std::move(mesh), run.ground, run.rung, run.context);
+      smooth = fit_to_smooth(wrapped, run.ground, run.context).mesh;
+      require(smooth, kUnfitted);
+      tell_quality(Stage::FitToSmooth, smooth, run);
+      mesh = fit_features(smooth, run.ground, run.rung, run.context);
       require(mesh);
       mesh = take_off_itself(std::move(mesh), run.context);
       tell_quality(Stage::FitToFeatures, mesh, run);
     });
     if (!failure) return mesh;
+    if (!smooth.hexes.empty() && !failure_of([&] { mesh = smooth_without_features(wrapped, std::move(smooth), *failure, run); }))
+      return mesh;
     fall_to(run.rung, Rung::Staircase);
     report_fall(*failure, Reason::SurfaceFitRelaxed, "the mesh could not be fitted to the surface and keeps the staircase of its cells",
                 run.context);
@@ -232,7 +249,7 @@ HexMesh fit_or_fall(HexMesh carved, const Run& run) {
   fall_to(run.rung, Rung::CarvedDual);
   report_fall(*failure, Reason::SurfaceFitRelaxed, "no buffer layer could be laid round the cells inside the surface: they are left bare",
               run.context);
-  return make_carved_dual(std::move(carved), run.ground);
+  return label_by_nearest(std::move(carved), run.ground);
 }
 
 Rung rung_of(LayersRung rung) {
@@ -253,8 +270,8 @@ HexMesh grow_or_drop(HexMesh mesh, const std::vector<LayerSpec>& layers, std::ve
     if (run.rung >= Rung::Staircase) refuse_staircase();
     GrowResult result = grow_layers(mesh, layers, run.ground, run.context);
     require(result.mesh);
-    require_no_contacts(result.mesh);
-    layered = std::move(result.mesh);
+    layered = take_off_itself(std::move(result.mesh), run.context);
+    require(layered);
     grown = std::move(result.patches);
     fall_to(run.rung, rung_of(result.rung));
   });

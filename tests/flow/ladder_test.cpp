@@ -60,7 +60,7 @@ TEST(Ladder, TheLastRungsAreAlwaysValid) {
       const Carved carved = carve_soup(shapes[i], size);
       const Ground ground(carved.surface, carved.features);
       Context context;
-      EXPECT_NO_THROW(require(make_carved_dual(carved.mesh, ground), {.quads_per_hex = 6}));
+      EXPECT_NO_THROW(require(label_by_nearest(carved.mesh, ground), {.quads_per_hex = 6}));
       const HexMesh stairs = make_staircase(wrap_surface(carved.mesh, context), ground, context);
       EXPECT_NO_THROW(require(stairs));
       EXPECT_NO_THROW(require_no_contacts(stairs));
@@ -72,7 +72,7 @@ TEST(Ladder, TheLastRungsAreAlwaysValid) {
 TEST(Ladder, ABrokenPromiseIsNamed) {
   const Carved carved = carve_soup(test::cube(2), 0.2);
   const Ground ground(carved.surface, carved.features);
-  HexMesh mesh = make_carved_dual(carved.mesh, ground);
+  HexMesh mesh = label_by_nearest(carved.mesh, ground);
   EXPECT_THROW(require(mesh, {.quads_per_hex = 1}), MeshError);
   std::swap(mesh.hexes[HexId(0)][0], mesh.hexes[HexId(0)][6]);
   EXPECT_THROW(require(mesh, {.quads_per_hex = 6}), MeshError);
