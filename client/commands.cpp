@@ -1,6 +1,7 @@
 #include "client/commands.h"
 
 #include <google/protobuf/util/json_util.h>
+#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
@@ -11,7 +12,6 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <random>
-#include <sstream>
 #include <thread>
 
 #include "client/connection.h"
@@ -19,6 +19,7 @@
 #include "client/interrupt.h"
 #include "client/progress.h"
 #include "client/report.h"
+#include "client/spec_file.h"
 #include "client/status.h"
 #include "client/transfer.h"
 #include "client/version.h"
@@ -54,12 +55,14 @@ Response call(const Method& method, const Request& request, const GlobalOptions&
   }
 }
 
-std::string text_of(const std::string& path, const char* what) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (!in) throw CommandError(ExitCode::Usage, "'" + path + "' (" + what + ") cannot be read");
-  return text.str();
+using Labels = google::protobuf::Map<std::string, std::string>;
+
+void add_labels(const std::vector<std::string>& words, Labels& labels) {
+  for (const std::string& word : words) {
+    const std::size_t equals = word.find('=');
+    if (equals == 0 || equals == std::string::npos) throw CommandError(ExitCode::Usage, "a label is KEY=VALUE, not '" + word + "'");
+    labels[word.substr(0, equals)] = word.substr(equals + 1);
+  }
 }
 
 std::string random_id() {
@@ -106,12 +109,15 @@ v1::Surface upload_surface(Connection& connection, const std::string& path, cons
 v1::Job create(Connection& connection, const GlobalOptions& global, const MeshOptions& options,
                const std::vector<v1::OutputFormat>& outputs, ProgressView& view) {
   v1::CreateJobRequest request;
-  request.set_request_id(random_id());
-  if (!options.spec.empty()) request.set_spec_json(text_of(options.spec, "the specification"));
+  request.set_request_id(options.request_id.empty() ? random_id() : options.request_id);
+  if (!options.spec.empty()) request.set_spec_json(spec_json_of(options.spec));
+  add_labels(options.labels, *request.mutable_labels());
+  request.set_priority(options.priority);
+  request.set_result_ttl_seconds(options.keep_seconds);
   *request.mutable_surface() = upload_surface(connection, options.surface, global, view);
   for (v1::OutputFormat format : outputs) request.add_outputs(format);
   request.set_max_threads(global.threads);
-  request.set_display_name(fs::path(options.surface).filename().string());
+  request.set_display_name(options.name.empty() ? fs::path(options.surface).filename().string() : options.name);
   const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->CreateJob(context, r, response); };
   return call<v1::CreateJobRequest, v1::CreateJobResponse>(method, request, global, "creating the job").job();
 }
@@ -244,7 +250,7 @@ void check(const GlobalOptions& global, const MeshOptions& options) {
   ProgressView view(ProgressView::style_for(global.quiet, global.no_progress));
   Connection connection = connect(global, PrivateServerAllowed::Yes);
   v1::ValidateJobRequest request;
-  if (!options.spec.empty()) request.set_spec_json(text_of(options.spec, "the specification"));
+  if (!options.spec.empty()) request.set_spec_json(spec_json_of(options.spec));
   *request.mutable_surface() = upload_surface(connection, options.surface, global, view);
   view.clear();
   const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->ValidateJob(context, r, response); };
@@ -322,6 +328,7 @@ void list(const GlobalOptions& global, const JobOptions& options) {
       throw CommandError(ExitCode::Usage, "there is no state '" + state + "'", "queued, running, succeeded, failed or cancelled");
     request.add_states(value);
   }
+  add_labels(options.labels, *request.mutable_labels());
   Connection connection = connect(global, PrivateServerAllowed::No);
   std::vector<v1::Job> jobs;
   const auto method = [&](auto* context, const auto& r, auto* response) { return connection.jobs->ListJobs(context, r, response); };
@@ -383,6 +390,30 @@ void server_status(const GlobalOptions& global) {
   std::printf("server     %s%s\nrunning    %d\nqueued     %d\njobs       %lld\nmemory     %.0f MB\n", connection.address.c_str(),
               status.draining() ? " (draining)" : "", status.running_jobs(), status.queued_jobs(),
               static_cast<long long>(status.jobs_total()), 1e-6 * static_cast<double>(status.resident_memory_bytes()));
+}
+
+// Asks the standard health service, which answers without credentials; by hand, because its messages are this small.
+void server_health(const GlobalOptions& global) {
+  Connection connection = connect(global, PrivateServerAllowed::No);
+  grpc::ClientContext context;
+  set_deadline(context, kCancelLimit);
+  CallGuard guard(context, kCancelLimit);
+  grpc::CompletionQueue queue;
+  const grpc::ByteBuffer question(nullptr, 0);
+  grpc::ByteBuffer answer;
+  grpc::Status status;
+  const auto call = grpc::GenericStub(connection.channel).PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", question, &queue);
+  call->StartCall();
+  call->Finish(&answer, &status, nullptr);
+  void* tag = nullptr;
+  bool ok = false;
+  queue.Next(&tag, &ok);
+  if (!status.ok()) throw command_error(status, "asking for the health of the server");
+  grpc::Slice bytes;
+  const std::string serving = "\x08\x01";  // HealthCheckResponse{status: SERVING}
+  const bool healthy = answer.DumpToSingleSlice(&bytes).ok() && std::string(bytes.begin(), bytes.end()) == serving;
+  if (!healthy) throw CommandError(ExitCode::Unreachable, "the server at " + connection.address + " is not serving");
+  std::cout << "serving" << std::endl;
 }
 
 void version(const GlobalOptions& global, bool of_server) {

@@ -16,6 +16,7 @@ void show(const GlobalOptions& global, const JobOptions& options);
 void cancel(const GlobalOptions& global, const JobOptions& options);
 void remove(const GlobalOptions& global, const JobOptions& options);
 void server_status(const GlobalOptions& global);
+void server_health(const GlobalOptions& global);
 void version(const GlobalOptions& global, bool of_server);
 
 }  // namespace strata::client

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdlib>
 
+#include <cctype>
 #include <chrono>
 #include <cstring>
 #include <filesystem>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "client/exit_code.h"
+#include "client/headers.h"
 #include "client/interrupt.h"
 
 extern char** environ;  // NOLINT(readability-redundant-declaration): POSIX declares it nowhere
@@ -31,6 +33,16 @@ constexpr auto kStartLimit = std::chrono::seconds(20);
 constexpr auto kStopLimit = std::chrono::seconds(10);
 constexpr auto kKillLimit = std::chrono::seconds(2);
 constexpr auto kConnectLimit = std::chrono::seconds(5);
+// What may be repeated without harm is, below the retries of the commands; streams go on where they stopped by themselves.
+constexpr const char* kServiceConfig = R"({"methodConfig": [{
+  "name": [{"service": "strata.v1.SystemService"},
+           {"service": "strata.v1.JobService", "method": "GetJob"}, {"service": "strata.v1.JobService", "method": "ListJobs"},
+           {"service": "strata.v1.JobService", "method": "CreateJob"}, {"service": "strata.v1.JobService", "method": "CancelJob"},
+           {"service": "strata.v1.JobService", "method": "ValidateJob"},
+           {"service": "strata.v1.BlobService", "method": "GetUpload"}, {"service": "strata.v1.BlobService", "method": "GetBlob"}],
+  "retryPolicy": {"maxAttempts": 3, "initialBackoff": "0.1s", "maxBackoff": "1s", "backoffMultiplier": 2,
+                  "retryableStatusCodes": ["UNAVAILABLE"]}}],
+  "retryThrottling": {"maxTokens": 20, "tokenRatio": 0.5}})";
 constexpr std::size_t kLogTail = 2000;  // bytes of the private server's log in messages
 
 // stratad lies beside this program; else it is sought on PATH.
@@ -51,6 +63,15 @@ std::string read_file(const std::string& path) {
 std::string pem(const std::string& path, const char* what) {
   std::string text = read_file(path);
   if (text.empty()) throw CommandError(ExitCode::Usage, std::string(what) + " '" + path + "' cannot be read or is empty");
+  return text;
+}
+
+// Never on the command line, where everybody on the machine could read it.
+std::string token(const GlobalOptions& options) {
+  if (options.token_file.empty()) return {};
+  std::string text = read_file(options.token_file);
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back())) != 0) text.pop_back();
+  if (text.empty()) throw CommandError(ExitCode::Usage, "the token file '" + options.token_file + "' cannot be read or is empty");
   return text;
 }
 
@@ -166,7 +187,9 @@ Connection connect(const GlobalOptions& options, PrivateServerAllowed may_start)
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, connection.own ? 20 : 200);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, connection.own ? 50 : 10000);
   if (!options.server_name.empty()) arguments.SetSslTargetNameOverride(options.server_name);
-  connection.channel = grpc::CreateCustomChannel(connection.address, credentials(options), arguments);
+  arguments.SetServiceConfigJSON(kServiceConfig);
+  connection.channel = grpc::experimental::CreateCustomChannelWithInterceptors(connection.address, credentials(options), arguments,
+                                                                               add_headers(token(options)));
   if (!wait_until_ready(*connection.channel, connection.own.get(), options.retries)) {
     if (connection.own) throw CommandError(ExitCode::Unreachable, "the private stratad did not start:\n" + connection.own->log());
     throw CommandError(ExitCode::Unreachable, "no answer from the server at " + connection.address,

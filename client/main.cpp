@@ -11,6 +11,7 @@
 #include "client/completion.h"
 #include "client/exit_code.h"
 #include "client/interrupt.h"
+#include "client/manual.h"
 #include "client/status.h"
 #include "client/version.h"
 
@@ -20,6 +21,7 @@ namespace {
 constexpr int kMmapThreshold = 256 << 20;  // receiving megabyte frames with the default costs a page fault per 4 KiB
 constexpr int kTrimThreshold = 1 << 30;
 
+const std::map<std::string, double> kTimeUnits{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}};
 const std::map<std::string, Output> kOutputs{{"table", Output::Table}, {"json", Output::Json}, {"name", Output::Name}};
 
 void add_global(CLI::App& app, GlobalOptions& global, std::string& output) {
@@ -35,6 +37,10 @@ void add_global(CLI::App& app, GlobalOptions& global, std::string& output) {
   app.add_option("--tls-key", global.tls_key, "Key of the client certificate (PEM)")->envname("STRATA_TLS_KEY")->check(CLI::ExistingFile);
   app.add_option("--server-name", global.server_name, "Name in the server's certificate, when it differs from the address")
       ->type_name("NAME");
+  app.add_option("--token-file", global.token_file, "File with the token or key that says who calls")
+      ->type_name("FILE")
+      ->envname("STRATA_TOKEN_FILE")
+      ->check(CLI::ExistingFile);
   app.add_option("--timeout", global.timeout_seconds, "Seconds the command may take; a job on a server goes on")
       ->envname("STRATA_TIMEOUT")
       ->check(CLI::NonNegativeNumber);
@@ -87,11 +93,25 @@ int run(int argc, char** argv) {
 
   const auto surface_and_spec = [&](CLI::App* command) {
     command->add_option("SURFACE", meshing.surface, "Surface: .stl, .obj, .off, .ply, .mesh or .meshb")->required()->type_name("");
-    command->add_option("--spec", meshing.spec, "Specification (JSON); default: sizes from the bounding box, no layers")->type_name("FILE");
+    command->add_option("--spec", meshing.spec, "Specification (JSON or YAML); default: sizes from the bounding box, no layers")
+        ->type_name("FILE");
     command->add_option("--threads", global.threads, "Threads for the job; the mesh does not depend on it")->check(CLI::Range(1, 4096));
+  };
+  const auto naming = [&](CLI::App* command) {
+    command->add_option("--name", meshing.name, "Name of the job, for people; default: that of the surface")->type_name("NAME");
+    command->add_option("--label", meshing.labels, "Label of the job, KEY=VALUE; may be repeated")->type_name("LABEL");
+    command->add_option("--priority", meshing.priority, "Before (up to 10) or after (down to -10) your other jobs")
+        ->check(CLI::Range(-10, 10))
+        ->capture_default_str();
+    command->add_option("--keep", meshing.keep_seconds, "How long the results stay, such as 12h; default: what the server gives")
+        ->transform(CLI::AsNumberWithUnit(kTimeUnits, CLI::AsNumberWithUnit::CASE_SENSITIVE))
+        ->type_name("DURATION");
+    command->add_option("--request-id", meshing.request_id, "The same id again gives the same job: safe to repeat after a crash")
+        ->type_name("ID");
   };
   CLI::App* mesh_command = app.add_subcommand("mesh", "Mesh a surface: upload, run, watch, download, verify");
   surface_and_spec(mesh_command);
+  naming(mesh_command);
   mesh_command->add_option("-o,--out", meshing.out, "Mesh to write: .vtu, .vtk, .mesh or .meshb")->required()->type_name("FILE");
   mesh_command
       ->add_option("--report", meshing.report, "Report to write (JSON): patches, quality, stages, where the mesh differs from the wish")
@@ -100,6 +120,7 @@ int run(int argc, char** argv) {
   mesh_command->add_flag("--cancel-on-exit", meshing.cancel_on_exit, "Ctrl-C cancels the job on a server that goes on");
   CLI::App* submit_command = app.add_subcommand("submit", "Upload and queue; prints the job id");
   surface_and_spec(submit_command);
+  naming(submit_command);
   submit_command->add_option("--format", meshing.formats, "Results to make; default: vtu,meshb")
       ->delimiter(',')
       ->check(CLI::IsMember({"vtu", "vtk", "mesh", "meshb", "sol", "solb"}));
@@ -117,6 +138,7 @@ int run(int argc, char** argv) {
   get_command->add_option("--report", jobs.report, "Report to write (JSON)")->type_name("FILE");
   CLI::App* list_command = app.add_subcommand("list", "List jobs, newest first");
   list_command->add_option("--state", jobs.states, "Only jobs in these states")->type_name("STATE")->delimiter(',');
+  list_command->add_option("--label", jobs.labels, "Only jobs with this label, KEY=VALUE; may be repeated")->type_name("LABEL");
   CLI::App* show_command = job_command(app, "show", "Everything about jobs", jobs);
   CLI::App* cancel_command = job_command(app, "cancel", "Stop jobs", jobs);
   CLI::App* delete_command = job_command(app, "delete", "Forget jobs and their results", jobs);
@@ -124,6 +146,8 @@ int run(int argc, char** argv) {
   CLI::App* server_command = app.add_subcommand("server", "Ask the server");
   server_command->require_subcommand(1);
   CLI::App* status_command = server_command->add_subcommand("status", "Is it there, and what does it do");
+  CLI::App* health_command = server_command->add_subcommand("health", "Does it serve; for health checks, needs no token");
+  CLI::App* manual_command = app.add_subcommand("manual", "The manual page: strata manual | man -l -");
   CLI::App* version_command = app.add_subcommand("version", "Versions");
   version_command->add_flag("--of-server", of_server, "Ask the server too");
   CLI::App* completion_command = app.add_subcommand("completion", "Shell completion: source <(strata completion bash)");
@@ -152,6 +176,8 @@ int run(int argc, char** argv) {
       {cancel_command, [&] { cancel(global, jobs); }},
       {delete_command, [&] { remove(global, jobs); }},
       {status_command, [&] { server_status(global); }},
+      {health_command, [&] { server_health(global); }},
+      {manual_command, [&] { std::cout << manual(app); }},
       {version_command, [&] { version(global, of_server); }},
       {completion_command, [&] { std::cout << completion(app, shell); }},
   };

@@ -12,6 +12,7 @@ enum class Output { Table, Json, Name };
 struct GlobalOptions {
   std::string server;           // address; empty: a private server for the time of the command
   std::string tls_ca, tls_cert, tls_key, server_name;
+  std::string token_file;       // holds the token or key that says who calls; empty: none
   double timeout_seconds = 0;   // of the whole command; 0: none
   int retries = 8;
   Output output = Output::Table;
@@ -28,6 +29,11 @@ struct MeshOptions {
   std::string layers_out;       // .sol or .solb; empty: none
   std::vector<std::string> formats;  // of submit: vtu, vtk, mesh, meshb, sol, solb, blocks
   bool cancel_on_exit = false;
+  std::string request_id;       // empty: a new one
+  std::string name;             // of the job, for people; empty: that of the surface
+  std::vector<std::string> labels;   // KEY=VALUE
+  int priority = 0;
+  double keep_seconds = 0;      // of the results; 0: what the server gives
 };
 
 struct JobOptions {
@@ -36,6 +42,7 @@ struct JobOptions {
   std::string format;
   std::string report;
   std::vector<std::string> states;
+  std::vector<std::string> labels;   // KEY=VALUE
   bool force = false;
   bool any_end = false;         // wait: failed and cancelled count as well
 };

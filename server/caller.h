@@ -17,6 +17,7 @@ struct Caller {
   std::string name;
   std::string tenant;
   Role role = Role::Admin;
+  std::string traceparent;  // of the call
 
   [[nodiscard]] bool sees(const std::string& other_tenant) const { return role == Role::Admin || tenant == other_tenant; }
 };

@@ -124,6 +124,13 @@ void add_flags(CLI::App& app, Config& config) {
   env(app.add_option("--disk-reserve", config.desk.disk_reserve_bytes, "No new jobs when less disk is free")
           ->transform(CLI::AsSizeValue(false)),
       "STRATAD_DISK_RESERVE");
+  env(app.add_option("--tls-refresh", config.server.tls.refresh_seconds, "Seconds between looks at the certificate files")
+          ->check(CLI::Range(1, 86400)),
+      "STRATAD_TLS_REFRESH");
+  app.add_flag("--check-config", config.check_only,
+               "Say what the settings come to, and end: 0 when a server could start with them, else 2");
+  app.add_option("--backup", config.backup_to, "Copy the job store to this file, also while a server runs, and end")->type_name("FILE");
+  env(app.add_option("--trace-file", config.trace_file, "File that gets spans as lines of OTLP JSON; empty: none"), "STRATAD_TRACE_FILE");
   app.add_flag("--insecure", config.server.insecure, "Allow addresses beyond loopback without TLS")->envname("STRATAD_INSECURE");
   env(app.add_option("--metrics-listen", config.metrics_listen, "host:port for Prometheus; empty: none"), "STRATAD_METRICS_LISTEN");
   env(app.add_option("--log-level", config.log_level, "What to log")

@@ -30,6 +30,9 @@ struct Config {
   std::string worker_program = "/proc/self/exe";
   bool exit_with_parent = false;
   int ready_fd = -1;                   // gets the addresses, one a line, and is closed, when the server is ready
+  bool check_only = false;
+  std::string backup_to;               // empty: no backup
+  std::string trace_file;              // empty: no traces
   std::string metrics_listen;          // host:port; empty: none
   std::string log_level = "info";
 };

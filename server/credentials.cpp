@@ -25,6 +25,8 @@ Credentials credentials_of(const grpc::CallbackServerContext& context) {
   credentials.token = metadata_of(context, "authorization");
   if (credentials.token.rfind(kBearer, 0) == 0) credentials.token.erase(0, kBearer.size());
   if (credentials.token.empty()) credentials.token = metadata_of(context, "x-api-key");
+  constexpr std::size_t kTraceparent = 55;
+  credentials.traceparent = metadata_of(context, "traceparent").substr(0, kTraceparent);
   const auto peer = context.auth_context();
   if (!peer || !peer->IsPeerAuthenticated()) return credentials;
   add_names(*peer, "x509_subject_alternative_name", credentials.certificate);

@@ -93,16 +93,18 @@ class FileBlobStore final : public BlobStore {
     return idle;
   }
 
+  // An upload's lock may be held by a writer that waits for the store's: never the other way round.
   void drop_uploads_idle_since(std::chrono::system_clock::time_point when) override {
-    const std::lock_guard lock(mutex_);
-    std::erase_if(known_uploads_, [&](const auto& entry) {
-      Upload& upload = *entry.second;
-      const std::lock_guard upload_lock(upload.mutex);
-      if (upload.info.blob) return upload.completed < when;
-      if (last_change(upload.path) >= when) return false;
-      ::unlink(upload.path.c_str());
-      return true;
-    });
+    std::vector<std::shared_ptr<Upload>> all;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const auto& [id, upload] : known_uploads_) all.push_back(upload);
+    }
+    for (const std::shared_ptr<Upload>& upload : all) {
+      if (!drop_when_idle(*upload, when)) continue;
+      const std::lock_guard lock(mutex_);
+      known_uploads_.erase(upload->info.id);
+    }
   }
 
   std::unique_ptr<BlobReader> open(const std::string& id) const override {
@@ -234,6 +236,14 @@ class FileBlobStore final : public BlobStore {
     auto upload = upload_of(id);
     if (!upload) throw Refusal(Refused::NotFound, "UPLOAD_NOT_FOUND", "there is no upload " + shown(id)).at("upload_id");
     return upload;
+  }
+
+  static bool drop_when_idle(Upload& upload, std::chrono::system_clock::time_point when) {
+    const std::lock_guard lock(upload.mutex);
+    if (upload.info.blob) return upload.completed < when;
+    if (last_change(upload.path) >= when) return false;
+    ::unlink(upload.path.c_str());
+    return true;
   }
 
   static void commit(Upload& upload) {

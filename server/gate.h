@@ -17,6 +17,7 @@ namespace strata::server {
 struct Credentials {
   std::string token;                      // of "authorization: Bearer TOKEN" or "x-api-key: TOKEN"; empty: none
   std::vector<std::string> certificate;   // names in a verified client certificate
+  std::string traceparent;                // for those who trace, whoever calls
 };
 
 enum class CallKind {

@@ -129,7 +129,7 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
   };
   try {
     store_inline_surface(caller.tenant, request);
-    Created created = store(std::move(request), caller.tenant, fingerprint);
+    Created created = store(std::move(request), caller, fingerprint);
     arrived();
     return created;
   } catch (...) {
@@ -139,11 +139,13 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
 }
 
 // Durable first, then in the queue.
-JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const std::string& tenant, const std::string& fingerprint) {
+JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const Caller& caller, const std::string& fingerprint) {
+  const std::string& tenant = caller.tenant;
   auto live = std::make_unique<Live>();
   v1::Job& job = live->stored.job;
   job.set_job_id(random_id());
   job.set_tenant(tenant);
+  job.set_traceparent(caller.traceparent);
   job.set_state(v1::JOB_STATE_QUEUED);
   job.set_display_name(request.display_name());
   *job.mutable_labels() = request.labels();
@@ -252,8 +254,8 @@ void JobDesk::start(const Lock& lock, Live& live) {
   if (options_.max_starts > 0 && save(job, {live.log.back()})) live.saved_events = live.log.size();
   const std::string id = job.job_id();
   runner_.start(
-      {id, request, threads, owner_key(job.tenant())}, [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); },
-      [this, id](v1::Job result) { finished(id, std::move(result)); });
+      {id, request, threads, owner_key(job.tenant()), job.traceparent(), job.usage().queue_seconds()},
+      [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); }, [this, id](v1::Job result) { finished(id, std::move(result)); });
 }
 
 v1::WatchJobResponse& JobDesk::log(const Lock&, Live& live, v1::WatchJobResponse event) {

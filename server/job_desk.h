@@ -121,7 +121,7 @@ class JobDesk {
   [[nodiscard]] std::optional<Created> known_request(const std::string& tenant, const std::string& request_id,
                                                      const std::string& fingerprint) const;
   void store_inline_surface(const std::string& tenant, v1::CreateJobRequest& request);
-  Created store(v1::CreateJobRequest request, const std::string& tenant, const std::string& fingerprint);
+  Created store(v1::CreateJobRequest request, const Caller& caller, const std::string& fingerprint);
   void schedule(const Lock& lock);
   void start(const Lock& lock, Live& live);
   void happened(const std::string& job_id, v1::WatchJobResponse event);

@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "server/trace.h"
+
 namespace strata::server {
 namespace {
 
@@ -17,7 +19,7 @@ class LoggedRunner final : public JobRunner {
 
   void start(JobOrder order, EventSink on_event, Done on_done) override {
     const std::string id = order.job_id;
-    spdlog::info(R"("msg":"job started","job":"{}","threads":{})", id, order.threads);
+    spdlog::info(R"("msg":"job started","job":"{}","threads":{},"trace_id":"{}")", id, order.threads, trace_of(order.traceparent).trace_id);
     auto seen = [id, on_event = std::move(on_event)](v1::WatchJobResponse event) {
       log_event(id, event);
       on_event(std::move(event));

@@ -16,6 +16,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "server/call_watch.h"
 #include "server/config.h"
 #include "server/job_log.h"
 #include "server/metrics.h"
@@ -105,12 +106,14 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
                                                             : make_process_runner({config.slots, config.worker_program}, *blobs, memory);
   const auto logged = log_jobs(*runner);
   Metrics metrics;
-  const auto measured = metrics.measure(*logged);
+  Tracer tracer(config.trace_file);
+  const auto traced = trace_jobs(*logged, tracer);
+  const auto measured = metrics.measure(*traced);
   DeskOptions options = config.desk;
   options.limits_of = [&gate](const std::string& tenant) { return gate.limits_of(tenant); };
   JobDesk desk(*jobs, *blobs, *measured, mesher, options);
-  Server server(config.server, gate, desk, *blobs, mesher);
-  if (!config.metrics_listen.empty()) metrics.serve(config.metrics_listen, desk);
+  Server server(config.server, watch_calls(metrics, tracer), gate, desk, *blobs, mesher);
+  if (!config.metrics_listen.empty()) metrics.serve(config.metrics_listen, desk, memory);
   for (const std::string& address : server.addresses())
     spdlog::info(R"("msg":"listening","address":"{}","slots":{},"threads_per_job":{})", address, config.slots, config.desk.threads_per_job);
   tell_ready(config.ready_fd, server.addresses());
@@ -121,6 +124,25 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   server.shutdown(kGrace);
   metrics.stop();
   spdlog::info(R"("msg":"stopped")");
+}
+
+// What the settings come to; what is wrong is thrown.
+int check(const Config& config) {
+  check_options(config.server);
+  const Gate gate(config.auth_file);
+  std::cout << "listen: [";
+  for (const std::string& address : config.server.listen) std::cout << (&address == &config.server.listen.front() ? "" : ", ") << address;
+  std::cout << "]\ndata-dir: " << config.data_folder << "\nslots: " << config.slots << "\ncores: " << config.threads
+            << "\nthreads per job: " << config.desk.threads_per_job << "\nmemory: " << config.memory_bytes
+            << "\nisolation: " << (config.isolation == Isolation::Process ? "process" : "thread")
+            << "\nqueue: " << config.desk.queue_capacity << "\nresult-ttl: " << config.desk.result_ttl_seconds
+            << "\nauth: " << (gate.open() ? "none" : config.auth_file) << "\n";
+  return 0;
+}
+
+int back_up(const Config& config) {
+  back_up_job_store(config.data_folder, config.backup_to);
+  return 0;
 }
 
 }  // namespace
@@ -138,6 +160,8 @@ int main(int argc, char** argv) {
   spdlog::set_pattern(R"({"ts":"%Y-%m-%dT%H:%M:%S.%e%z","level":"%l",%v})");
   spdlog::set_level(spdlog::level::from_str(config.log_level));
   try {
+    if (config.check_only) return check(config);
+    if (!config.backup_to.empty()) return back_up(config);
     serve(config, *parent, signals);
     return 0;
   } catch (const std::exception& error) {

@@ -16,6 +16,8 @@ struct JobOrder {
   v1::CreateJobRequest request;  // surface by blob_id, specification typed
   int threads = 1;
   std::string owner;  // of the results
+  std::string traceparent;
+  double queue_seconds = 0;
 };
 
 // What happens on the way, without sequence: progress (at most 10 a second), stage_ended, estimate, quality, adjustment. Called from one

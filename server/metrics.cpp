@@ -2,6 +2,7 @@
 
 #include <prometheus/counter.h>
 #include <prometheus/exposer.h>
+#include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
 #include <unistd.h>
@@ -15,6 +16,8 @@
 namespace strata::server {
 namespace {
 
+const prometheus::Histogram::BucketBoundaries kCallSeconds = {0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 60, 600};
+const prometheus::Histogram::BucketBoundaries kCellRates = {100, 300, 1000, 3000, 10000, 30000, 100000};
 const prometheus::Histogram::BucketBoundaries kSeconds = {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000};
 
 // "STAGE_WRAP_RIDGES" -> "wrap_ridges".
@@ -44,17 +47,24 @@ double resident_bytes() {
 // Asks the desk when Prometheus asks.
 class LoadGauges final : public prometheus::Collectable {
  public:
-  explicit LoadGauges(const JobDesk& desk) : desk_(desk) {}
+  LoadGauges(const JobDesk& desk, const MemoryLedger& memory) : desk_(desk), memory_(memory) {}
   std::vector<prometheus::MetricFamily> Collect() const override {
     const JobDesk::Load load = desk_.load();
-    return {gauge("strata_jobs_running", "Jobs that run now", load.running), gauge("strata_jobs_queued", "Jobs that wait", load.queued),
+    return {gauge("strata_jobs_running", "Jobs that run now", load.running),
+            gauge("strata_jobs_queued", "Jobs that wait", load.queued),
             gauge("strata_jobs_stored", "Jobs remembered", static_cast<double>(load.total)),
             gauge("strata_draining", "1 when no new jobs are taken", desk_.draining() ? 1 : 0),
-            gauge("strata_resident_memory_bytes", "Resident memory of the process", resident_bytes())};
+            gauge("strata_resident_memory_bytes", "Resident memory of the server process", resident_bytes()),
+            gauge("strata_queue_oldest_seconds", "How long the oldest job has waited", load.oldest_queued_seconds),
+            gauge("strata_watchers", "Open watches", static_cast<double>(load.watchers)),
+            gauge("strata_disk_free_bytes", "Free on the device of the data folder", static_cast<double>(load.disk_free_bytes)),
+            gauge("strata_memory_budget_bytes", "Memory for all jobs", static_cast<double>(memory_.budget())),
+            gauge("strata_memory_reserved_bytes", "Memory promised to running jobs", static_cast<double>(memory_.reserved()))};
   }
 
  private:
   const JobDesk& desk_;
+  const MemoryLedger& memory_;
 };
 
 }  // namespace
@@ -73,6 +83,24 @@ struct Metrics::Parts {
   prometheus::Counter& cells = prometheus::BuildCounter().Name("strata_hexes_total").Help("Hexes delivered").Register(*registry).Add({});
   prometheus::Counter& cpu =
       prometheus::BuildCounter().Name("strata_job_cpu_seconds_total").Help("CPU time while jobs ran").Register(*registry).Add({});
+  prometheus::Family<prometheus::Counter>& calls =
+      prometheus::BuildCounter().Name("strata_rpc_requests_total").Help("Calls that ended, by method and status").Register(*registry);
+  prometheus::Family<prometheus::Histogram>& call_seconds =
+      prometheus::BuildHistogram().Name("strata_rpc_seconds").Help("Time from the begin of calls to their end").Register(*registry);
+  prometheus::Family<prometheus::Gauge>& open_calls =
+      prometheus::BuildGauge().Name("strata_rpc_active").Help("Calls and streams under way").Register(*registry);
+  prometheus::Histogram& queue_seconds = prometheus::BuildHistogram()
+                                             .Name("strata_queue_wait_seconds")
+                                             .Help("Time jobs waited before they ran")
+                                             .Register(*registry)
+                                             .Add({}, kSeconds);
+  prometheus::Family<prometheus::Histogram>& estimate_ratio =
+      prometheus::BuildHistogram().Name("strata_estimate_ratio").Help("What jobs took over what was estimated").Register(*registry);
+  prometheus::Histogram& cell_rate = prometheus::BuildHistogram()
+                                         .Name("strata_hexes_per_core_second")
+                                         .Help("Hexes delivered per second of CPU time")
+                                         .Register(*registry)
+                                         .Add({}, kCellRates);
   std::shared_ptr<LoadGauges> load;
   std::unique_ptr<prometheus::Exposer> exposer;
 
@@ -83,6 +111,19 @@ struct Metrics::Parts {
     job_seconds.Observe(job.usage().wall_seconds());
     cells.Increment(static_cast<double>(job.hexes()));
     cpu.Increment(std::max(0.0, job.usage().cpu_seconds()));
+    if (job.state() == v1::JOB_STATE_SUCCEEDED && job.usage().cpu_seconds() > 0)
+      cell_rate.Observe(static_cast<double>(job.hexes()) / job.usage().cpu_seconds());
+  }
+
+  // Of a job that succeeded, against what was estimated on the way.
+  void compare(const v1::Estimate& estimate, const v1::Job& job) {
+    static const prometheus::Histogram::BucketBoundaries kRatios = {0.1, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 5, 10};
+    const auto observe = [&](const char* what, double took, double estimated) {
+      if (estimated > 0) estimate_ratio.Add({{"what", what}}, kRatios).Observe(took / estimated);
+    };
+    observe("hexes", static_cast<double>(job.hexes()), static_cast<double>(estimate.hexes()));
+    observe("memory", static_cast<double>(job.usage().peak_memory_bytes()), static_cast<double>(estimate.memory_bytes()));
+    observe("cpu_seconds", job.usage().cpu_seconds(), estimate.cpu_seconds());
   }
 
   class MeasuredRunner final : public JobRunner {
@@ -91,8 +132,15 @@ struct Metrics::Parts {
     int slots() const override { return runner_.slots(); }
     void cancel(const std::string& job_id, Stop why) override { runner_.cancel(job_id, why); }
     void start(JobOrder order, EventSink on_event, Done on_done) override {
-      runner_.start(std::move(order), std::move(on_event), [this, on_done = std::move(on_done)](v1::Job job) {
+      parts_.queue_seconds.Observe(order.queue_seconds);
+      const auto estimate = std::make_shared<v1::Estimate>();
+      auto seen = [estimate, on_event = std::move(on_event)](v1::WatchJobResponse event) {
+        if (event.has_estimate()) *estimate = event.estimate();
+        on_event(std::move(event));
+      };
+      runner_.start(std::move(order), std::move(seen), [this, estimate, on_done = std::move(on_done)](v1::Job job) {
         parts_.count(job);
+        if (job.state() == v1::JOB_STATE_SUCCEEDED) parts_.compare(*estimate, job);
         on_done(std::move(job));
       });
     }
@@ -108,9 +156,17 @@ Metrics::~Metrics() = default;
 
 std::unique_ptr<JobRunner> Metrics::measure(JobRunner& runner) { return std::make_unique<Parts::MeasuredRunner>(runner, *parts_); }
 
-void Metrics::serve(const std::string& address, const JobDesk& desk) {
+void Metrics::call_began(const std::string& rpc) { parts_->open_calls.Add({{"rpc", rpc}}).Increment(); }
+
+void Metrics::call_ended(const std::string& rpc, const std::string& code, double seconds) {
+  parts_->open_calls.Add({{"rpc", rpc}}).Decrement();
+  parts_->calls.Add({{"rpc", rpc}, {"code", code}}).Increment();
+  parts_->call_seconds.Add({{"rpc", rpc}}, kCallSeconds).Observe(seconds);
+}
+
+void Metrics::serve(const std::string& address, const JobDesk& desk, const MemoryLedger& memory) {
   try {
-    parts_->load = std::make_shared<LoadGauges>(desk);
+    parts_->load = std::make_shared<LoadGauges>(desk, memory);
     parts_->exposer = std::make_unique<prometheus::Exposer>(address, 1);
   } catch (const std::exception& error) {
     throw std::runtime_error("cannot serve metrics on " + address + ": " + error.what());

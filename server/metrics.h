@@ -16,8 +16,11 @@ class Metrics {
 
   // Counts what passes through the runner. The result must not outlive `runner` or this.
   std::unique_ptr<JobRunner> measure(JobRunner& runner);
+  // A call of a service, such as "JobService/GetJob".
+  void call_began(const std::string& rpc);
+  void call_ended(const std::string& rpc, const std::string& code, double seconds);
   // Serves /metrics on host:port; the load is that of `desk`, which must live until stop(). Throws std::runtime_error.
-  void serve(const std::string& address, const JobDesk& desk);
+  void serve(const std::string& address, const JobDesk& desk, const MemoryLedger& memory);
   void stop();
 
  private:

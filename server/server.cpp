@@ -14,7 +14,6 @@ namespace {
 
 constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreams = 256;               // per connection
-constexpr unsigned kCertificateRefresh = 60;   // seconds between looks at the files
 constexpr const char* kServices[] = {"", "strata.v1.JobService", "strata.v1.BlobService", "strata.v1.SystemService"};
 
 void must_be_readable(const std::string& path, const std::string& flag) {
@@ -29,8 +28,8 @@ std::shared_ptr<grpc::ServerCredentials> tls_credentials(const TlsFiles& files) 
   using grpc::experimental::FileWatcherCertificateProvider;
   const auto provider =
       files.client_ca.empty()
-          ? std::make_shared<FileWatcherCertificateProvider>(files.key, files.certificate, kCertificateRefresh)
-          : std::make_shared<FileWatcherCertificateProvider>(files.key, files.certificate, files.client_ca, kCertificateRefresh);
+          ? std::make_shared<FileWatcherCertificateProvider>(files.key, files.certificate, files.refresh_seconds)
+          : std::make_shared<FileWatcherCertificateProvider>(files.key, files.certificate, files.client_ca, files.refresh_seconds);
   grpc::experimental::TlsServerCredentialsOptions options(provider);
   options.watch_identity_key_cert_pairs();
   if (!files.client_ca.empty()) {
@@ -39,6 +38,8 @@ std::shared_ptr<grpc::ServerCredentials> tls_credentials(const TlsFiles& files) 
   }
   return grpc::experimental::TlsServerCredentials(options);
 }
+
+bool uses_tls(const ServerOptions& options) { return !options.tls.certificate.empty() || !options.tls.key.empty(); }
 
 bool is_unix(const std::string& address) { return address.rfind("unix:", 0) == 0; }
 
@@ -66,9 +67,18 @@ bool is_local(const std::string& address) {
   return host == "localhost" || host == "[::1]" || host.rfind("127.", 0) == 0;
 }
 
-Server::Server(const ServerOptions& options, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher)
+void check_options(const ServerOptions& options) {
+  const bool tls = uses_tls(options);
+  if (tls) static_cast<void>(tls_credentials(options.tls));
+  for (const std::string& address : options.listen)
+    if (!tls && !options.insecure && !is_local(address))
+      throw std::runtime_error(address + " is reachable from other machines: give --tls-cert and --tls-key, or say --insecure");
+}
+
+Server::Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher)
     : parts_(std::make_unique<Parts>()) {
-  const bool tls = !options.tls.certificate.empty() || !options.tls.key.empty();
+  check_options(options);
+  const bool tls = uses_tls(options);
   parts_->jobs = make_job_service(gate, desk, blobs, mesher, options.limits);
   parts_->blobs = make_blob_service(gate, blobs, options.limits);
   parts_->system = make_system_service(gate, desk, options.limits);
@@ -77,12 +87,11 @@ Server::Server(const ServerOptions& options, Gate& gate, JobDesk& desk, BlobStor
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   set_limits(builder, options.limits);
+  builder.experimental().SetInterceptorCreators(std::move(watchers));
   for (const auto& service : {parts_->jobs.get(), parts_->blobs.get(), parts_->system.get()}) builder.RegisterService(service);
   std::vector<int> ports(options.listen.size(), 0);
   for (std::size_t i = 0; i < options.listen.size(); ++i) {
     const std::string& address = options.listen[i];
-    if (!tls && !options.insecure && !is_local(address))
-      throw std::runtime_error(address + " is reachable from other machines: give --tls-cert and --tls-key, or say --insecure");
     const bool encrypt = tls && !is_unix(address);
     builder.AddListeningPort(address, encrypt ? tls_credentials(options.tls) : grpc::InsecureServerCredentials(), &ports[i]);
   }

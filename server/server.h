@@ -1,6 +1,8 @@
 // The gRPC server around the parts: addresses, credentials, limits, services.
 #pragma once
 
+#include <grpcpp/support/server_interceptor.h>
+
 #include <chrono>
 #include <memory>
 #include <string>
@@ -14,6 +16,7 @@ struct TlsFiles {
   std::string certificate;  // PEM chain
   std::string key;
   std::string client_ca;    // when given, clients must show a certificate of it
+  unsigned refresh_seconds = 60;  // between looks at the files
 };
 
 struct ServerOptions {
@@ -23,10 +26,14 @@ struct ServerOptions {
   WireLimits limits;
 };
 
+// Could a server start with these? Throws std::runtime_error with a sentence for the operator.
+void check_options(const ServerOptions& options);
+
 // Throws std::runtime_error with a sentence for the operator.
 class Server {
  public:
-  Server(const ServerOptions& options, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher);
+  using CallWatchers = std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>>;
+  Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher);
   ~Server();
 
   // The addresses clients can use; ports filled in.

@@ -126,7 +126,7 @@ class Orders {
   std::thread thread_;
 };
 
-JobOrder order_of(wire::Order& order) { return {order.job_id(), std::move(*order.mutable_request()), order.threads(), {}}; }
+JobOrder order_of(wire::Order& order) { return {order.job_id(), std::move(*order.mutable_request()), order.threads(), {}, {}, 0}; }
 
 }  // namespace
 

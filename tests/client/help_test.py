@@ -7,7 +7,7 @@ import unittest
 
 from support import *
 
-COMMANDS = ["mesh", "submit", "check", "watch", "wait", "get", "list", "show", "cancel", "delete", "server", "version", "completion"]
+COMMANDS = ["mesh", "submit", "check", "watch", "wait", "get", "list", "show", "cancel", "delete", "server", "version", "completion", "manual"]
 
 
 class Help(Case):
@@ -31,6 +31,16 @@ class Help(Case):
                 self.assertIn(command, script)
         self.assertIn("--report", run("completion", "bash").stdout)
         self.assertEqual(subprocess.run(["bash", "-n"], input=run("completion", "bash").stdout, text=True).returncode, 0)
+
+    def test_the_manual_page_has_every_command_and_exit_status(self):
+        page = self.expect(run("manual"), 0).stdout
+        for command in COMMANDS:
+            self.assertIn(".SS strata " + command, page)
+        for status in (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 70):
+            self.assertIn(f".B {status}\n", page)
+        if shutil.which("man"):
+            formatted = subprocess.run(["man", "--warnings", "-l", "-"], input=page, capture_output=True, text=True, env=environment(MANPAGER="cat"))
+            self.assertEqual((formatted.returncode, formatted.stderr), (0, ""))
 
     def test_help_costs_little(self):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -29,6 +29,8 @@ PATIENCE = 120 * SLOW
 def environment(**more):
     env = {k: v for k, v in os.environ.items() if not k.startswith("STRATA") and "proxy" not in k.lower()}
     env.update(LC_ALL="C", COLUMNS="100", **more)
+    if isolation := os.environ.get("STRATA_TEST_ISOLATION"):
+        env["STRATAD_ISOLATION"] = isolation  # for private servers
     return env
 
 
@@ -118,7 +120,8 @@ class Server:
 
     def __init__(self, *flags, folder=None):
         self.folder = pathlib.Path(folder or tempfile.mkdtemp(prefix="strata-test-"))
-        self.flags = flags
+        isolation = os.environ.get("STRATA_TEST_ISOLATION")
+        self.flags = ("--isolation", isolation, *flags) if isolation and "--isolation" not in flags else flags
         self.process = None
         self.launch()
 

@@ -56,27 +56,27 @@ TEST(Gate, WithoutSettingsLetsEverybodyDoEverything) {
 TEST_F(GateFile, KnowsKeysByTheirDigest) {
   write(settings_with(kSesame, "submitter"));
   Gate gate(path());
-  const Caller caller = gate.admit({"open sesame", {}}, Role::Submitter, CallKind::Submit);
+  const Caller caller = gate.admit({"open sesame", {}, ""}, Role::Submitter, CallKind::Submit);
   EXPECT_EQ(caller.name, "ann");
   EXPECT_EQ(caller.tenant, "acme");
   EXPECT_EQ(reason_of([&] { gate.admit({}, Role::Viewer, CallKind::Plain); }), "UNAUTHENTICATED");
-  EXPECT_EQ(reason_of([&] { gate.admit({"wrong", {}}, Role::Viewer, CallKind::Plain); }), "UNAUTHENTICATED");
-  EXPECT_EQ(reason_of([&] { gate.admit({kSesame, {}}, Role::Viewer, CallKind::Plain); }), "UNAUTHENTICATED") << "the digest is no key";
-  EXPECT_EQ(reason_of([&] { gate.admit({"open sesame", {}}, Role::Admin, CallKind::Plain); }), "PERMISSION_DENIED");
+  EXPECT_EQ(reason_of([&] { gate.admit({"wrong", {}, ""}, Role::Viewer, CallKind::Plain); }), "UNAUTHENTICATED");
+  EXPECT_EQ(reason_of([&] { gate.admit({kSesame, {}, ""}, Role::Viewer, CallKind::Plain); }), "UNAUTHENTICATED") << "the digest is no key";
+  EXPECT_EQ(reason_of([&] { gate.admit({"open sesame", {}, ""}, Role::Admin, CallKind::Plain); }), "PERMISSION_DENIED");
 }
 
 TEST_F(GateFile, ViewersMayOnlyLook) {
   write(settings_with(kSesame, "viewer"));
   Gate gate(path());
-  EXPECT_EQ(gate.admit({"open sesame", {}}, Role::Viewer, CallKind::Plain).role, Role::Viewer);
-  EXPECT_EQ(reason_of([&] { gate.admit({"open sesame", {}}, Role::Submitter, CallKind::Plain); }), "PERMISSION_DENIED");
+  EXPECT_EQ(gate.admit({"open sesame", {}, ""}, Role::Viewer, CallKind::Plain).role, Role::Viewer);
+  EXPECT_EQ(reason_of([&] { gate.admit({"open sesame", {}, ""}, Role::Submitter, CallKind::Plain); }), "PERMISSION_DENIED");
 }
 
 TEST_F(GateFile, KnowsCertificatesByTheirNames) {
   write("certificates:\n  - {name: portal.example.org, tenant: portal, role: submitter}\n");
   Gate gate(path());
-  EXPECT_EQ(gate.admit({"", {"other", "portal.example.org"}}, Role::Submitter, CallKind::Plain).tenant, "portal");
-  EXPECT_EQ(reason_of([&] { gate.admit({"", {"other"}}, Role::Viewer, CallKind::Plain); }), "UNAUTHENTICATED");
+  EXPECT_EQ(gate.admit({"", {"other", "portal.example.org"}, ""}, Role::Submitter, CallKind::Plain).tenant, "portal");
+  EXPECT_EQ(reason_of([&] { gate.admit({"", {"other"}, ""}, Role::Viewer, CallKind::Plain); }), "UNAUTHENTICATED");
 }
 
 TEST_F(GateFile, LimitsRatesPerTenantAndSaysWhenToComeBack) {
@@ -85,22 +85,22 @@ TEST_F(GateFile, LimitsRatesPerTenantAndSaysWhenToComeBack) {
   EXPECT_EQ(gate.limits_of("acme").queued, 7);
   EXPECT_EQ(gate.limits_of("acme").weight, 3);
   EXPECT_EQ(gate.limits_of("other").queued, 0);
-  gate.admit({"open sesame", {}}, Role::Submitter, CallKind::Submit);
+  gate.admit({"open sesame", {}, ""}, Role::Submitter, CallKind::Submit);
   try {
-    gate.admit({"open sesame", {}}, Role::Submitter, CallKind::Submit);
+    gate.admit({"open sesame", {}, ""}, Role::Submitter, CallKind::Submit);
     FAIL() << "the second within ten seconds";
   } catch (const Refusal& refusal) {
     EXPECT_EQ(refusal.reason, "RATE_LIMITED");
     EXPECT_GT(refusal.retry_seconds, 1);
     EXPECT_LE(refusal.retry_seconds, 10);
   }
-  gate.admit({"open sesame", {}}, Role::Submitter, CallKind::Plain);
+  gate.admit({"open sesame", {}, ""}, Role::Submitter, CallKind::Plain);
 }
 
 TEST_F(GateFile, IsReadAgainWhenItChangesAndKeptWhenTheNewOneIsWrong) {
   write(settings_with(kSesame, "viewer"));
   Gate gate(path());
-  const auto may_submit = [&] { return reason_of([&] { gate.admit({"open sesame", {}}, Role::Submitter, CallKind::Plain); }); };
+  const auto may_submit = [&] { return reason_of([&] { gate.admit({"open sesame", {}, ""}, Role::Submitter, CallKind::Plain); }); };
   EXPECT_EQ(may_submit(), "PERMISSION_DENIED");
   std::this_thread::sleep_for(std::chrono::milliseconds(1100));
   write(settings_with(kSesame, "submitter"));

@@ -32,7 +32,7 @@ void ServerFixture::start(TestOptions options) {
   ServerOptions wire;
   wire.listen = {"unix:" + folder_ + "/socket"};
   wire.limits = options.limits;
-  server_ = std::make_unique<Server>(wire, *gate_, *desk_, *blobs_, mesher_.door());
+  server_ = std::make_unique<Server>(wire, Server::CallWatchers(), *gate_, *desk_, *blobs_, mesher_.door());
   channel_ = grpc::CreateChannel(server_->addresses().front(), grpc::InsecureChannelCredentials());
   job_stub_ = v1::JobService::NewStub(channel_);
   blob_stub_ = v1::BlobService::NewStub(channel_);

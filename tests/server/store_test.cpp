@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -398,12 +399,25 @@ TEST(BlobStore, KeepsTenantsApartAcrossRestart) {
   }
   const auto store = open_file_blob_store(folder.path());
   ASSERT_TRUE(store->find(mine));
-  EXPECT_TRUE(sees_blob({"", "acme", Role::Viewer}, *store->find(mine)));
-  EXPECT_FALSE(sees_blob({"", "other", Role::Submitter}, *store->find(mine)));
+  EXPECT_TRUE(sees_blob({"", "acme", Role::Viewer, ""}, *store->find(mine)));
+  EXPECT_FALSE(sees_blob({"", "other", Role::Submitter, ""}, *store->find(mine)));
   EXPECT_TRUE(store->find_digest(digest("same bytes"), owner_key("acme")));
   EXPECT_FALSE(store->find_digest(digest("same bytes"), owner_key("other")));
   EXPECT_FALSE(store->find_digest(digest("same bytes"), ""));
   EXPECT_EQ(store->find_upload(upload)->owner, owner_key("acme"));
+}
+
+// The sweep and a writer want the same two locks.
+TEST(BlobStore, SweepsWhileUploadsEnd) {
+  const Folder folder;
+  const auto store = open_file_blob_store(folder.path());
+  std::atomic<bool> over = false;
+  std::thread sweeper([&] {
+    while (!over) store->drop_uploads_idle_since(std::chrono::system_clock::now() - std::chrono::hours(1));
+  });
+  for (int i = 0; i < 300; ++i) EXPECT_TRUE(store->write_upload(store->start_upload(4, "", "").id, 0, "four").blob);
+  over = true;
+  sweeper.join();
 }
 
 TEST(BlobStore, TellsWhatIsIdleAndDropsUploadsNobodyContinues) {

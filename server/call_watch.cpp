@@ -1,0 +1,102 @@
+#include "server/call_watch.h"
+
+#include <grpcpp/grpcpp.h>
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "server/ids.h"
+#include "server/job_log.h"
+
+namespace strata::server {
+namespace {
+
+using grpc::experimental::InterceptionHookPoints;
+using grpc::experimental::Interceptor;
+using grpc::experimental::InterceptorBatchMethods;
+using grpc::experimental::ServerInterceptorFactoryInterface;
+using grpc::experimental::ServerRpcInfo;
+
+constexpr std::size_t kMaxRequestId = 64;
+
+const char* name_of(grpc::StatusCode code) {
+  static constexpr const char* kNames[] = {"OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
+                                           "NOT_FOUND", "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION",
+                                           "ABORTED",   "OUT_OF_RANGE",   "UNIMPLEMENTED",     "INTERNAL",           "UNAVAILABLE",
+                                           "DATA_LOSS", "UNAUTHENTICATED"};
+  return code >= 0 && code <= grpc::StatusCode::UNAUTHENTICATED ? kNames[code] : "UNKNOWN";
+}
+
+// "/strata.v1.JobService/GetJob" -> "JobService/GetJob".
+std::string short_method(const std::string& method) {
+  const std::size_t slash = method.rfind('/'), dot = method.rfind('.', slash);
+  return dot == std::string::npos ? method : method.substr(dot + 1);
+}
+
+class WatchedCall final : public Interceptor {
+ public:
+  WatchedCall(std::string method, Metrics& metrics, Tracer& tracer)
+      : method_(std::move(method)), metrics_(metrics), tracer_(tracer), begun_(std::chrono::system_clock::now()) {
+    metrics_.call_began(method_);
+  }
+  // The call is over, whether it got as far as a status or not.
+  ~WatchedCall() override {
+    const auto end = std::chrono::system_clock::now();
+    const double seconds = std::chrono::duration<double>(end - begun_).count();
+    const char* code = name_of(code_.value_or(grpc::StatusCode::CANCELLED));
+    metrics_.call_ended(method_, code, seconds);
+    spdlog::debug(R"("msg":"call","rpc":"{}","code":"{}","ms":{:.1f},"request_id":"{}","trace_id":"{}")", method_, code, 1000 * seconds,
+                  request_id_, trace_.trace_id);
+    if (!tracer_.on()) return;
+    const bool failed = code_ && *code_ != grpc::StatusCode::OK;
+    tracer_.write({method_, trace_, new_span_id(), begun_, end, {{"rpc.grpc.status", code}, {"request_id", request_id_}}, failed, true});
+  }
+
+  void Intercept(InterceptorBatchMethods* methods) override {
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_INITIAL_METADATA)) {
+      const auto* metadata = methods->GetRecvInitialMetadata();
+      const auto value_of = [&](const char* key) {
+        const auto found = metadata->find(key);
+        return found == metadata->end() ? std::string() : std::string(found->second.data(), found->second.size());
+      };
+      trace_ = trace_of(value_of("traceparent"));
+      request_id_ = json_escaped(value_of("x-request-id").substr(0, kMaxRequestId));
+      if (request_id_.empty()) request_id_ = random_id();
+    }
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) code_ = methods->GetSendStatus().error_code();
+    methods->Proceed();
+  }
+
+ private:
+  const std::string method_;
+  Metrics& metrics_;
+  Tracer& tracer_;
+  const std::chrono::system_clock::time_point begun_;
+  TraceContext trace_;
+  std::string request_id_;
+  std::optional<grpc::StatusCode> code_;
+};
+
+class WatchedCalls final : public ServerInterceptorFactoryInterface {
+ public:
+  WatchedCalls(Metrics& metrics, Tracer& tracer) : metrics_(metrics), tracer_(tracer) {}
+  Interceptor* CreateServerInterceptor(ServerRpcInfo* info) override {
+    return new WatchedCall(short_method(info->method()), metrics_, tracer_);
+  }
+
+ private:
+  Metrics& metrics_;
+  Tracer& tracer_;
+};
+
+}  // namespace
+
+std::vector<std::unique_ptr<ServerInterceptorFactoryInterface>> watch_calls(Metrics& metrics, Tracer& tracer) {
+  std::vector<std::unique_ptr<ServerInterceptorFactoryInterface>> factories;
+  factories.push_back(std::make_unique<WatchedCalls>(metrics, tracer));
+  return factories;
+}
+
+}  // namespace strata::server
