@@ -15,6 +15,9 @@ constexpr double kTurnWeight = 0.25;  // mean square of the angle between routes
 constexpr double kSectorWeight =
     0.3; // square of the quads that a sector between routes has too many or too few: it wants one for 90 degrees
 
+constexpr double kMostForAngles = 1.5; // edge lengths that a vertex with better edges may lie farther away
+constexpr double kNearerToOther = 1;   // for a vertex that lies nearer to another corner
+
 struct End {
   double angle;
   std::int32_t route;
@@ -106,6 +109,7 @@ class CornerMatcher {
       if (m_.plan.stands_for[c] == c) order.push_back(c);
     std::sort(order.begin(), order.end(),
               [&](CornerId a, CornerId b) { return ends_[a].size() != ends_[b].size() ? ends_[a].size() > ends_[b].size() : a < b; });
+    wanted_ = order;
     for (CornerId c : order) choose(c);
     for (CornerId c : order) reserve(c);
   }
@@ -150,8 +154,16 @@ class CornerMatcher {
     return assign_in_order(ends, edges);
   }
 
+  [[nodiscard]] const Vec3& place(CornerId c) const { return m_.ground.surface().points[m_.ground.features().corners[c].point]; }
+  [[nodiscard]] bool nearer_to_other(CornerId c, const Vec3& p, VertexId v) const {
+    const Vec3& at = m_.mesh.position[v];
+    const double own = (at - p).squaredNorm();
+    return std::any_of(wanted_.begin(), wanted_.end(),
+                       [&](CornerId other) { return other != c && (at - place(other)).squaredNorm() < own; });
+  }
+
   void choose(CornerId c) {
-    const Vec3 p = m_.ground.surface().points[m_.ground.features().corners[c].point];
+    const Vec3 p = place(c);
     const VertexId nearest = m_.tree.nearest(p);
     if (!nearest.valid()) return;
     double best_cost = std::numeric_limits<double>::infinity();
@@ -162,8 +174,9 @@ class CornerMatcher {
       if (d > kReach || d > best_cost || m_.corner_at[v].valid()) continue;
       const auto spare = static_cast<int>(m_.skin.edges_round(v).size()) - static_cast<int>(ends_[c].size());
       double cost = d + (spare < 0 ? kMissingWeight * -spare : kSpareWeight * std::min(spare, 3));
+      if (nearer_to_other(c, p, v)) cost += kNearerToOther;
       if (cost >= best_cost) continue;
-      if (spare >= 0 && !ends_[c].empty()) cost += assign(c, v, ends, edges).cost;
+      if (spare >= 0 && !ends_[c].empty()) cost += std::min(assign(c, v, ends, edges).cost, kMostForAngles);
       if (cost >= best_cost) continue;
       best_cost = cost;
       m_.corner_vertex[c] = v;
@@ -189,6 +202,7 @@ class CornerMatcher {
 
   Matching& m_;
   IdMap<CornerId, std::vector<End>> ends_;
+  std::vector<CornerId> wanted_;
 };
 
 }  // namespace
