@@ -19,7 +19,8 @@ struct Sighting {
   friend auto operator<=>(const Sighting&, const Sighting&) = default;
 };
 
-// By the majority of the sightings on either side; triangles that no node sees follow their neighbours.
+// By the majority of the sightings on either side; triangles that no node sees, or too few to believe that they bound nothing, follow their
+// neighbours.
 IdMap<TriangleId, Bounds> judge_triangles(const Surface& surface, std::vector<Sighting> sightings);
 
 }  // namespace strata

@@ -55,5 +55,21 @@ TEST(TriangleSides, ShellsBeyondTheMeshedRegionBoundNothing) {
   for (TriangleId t : judged.bounds.ids()) EXPECT_EQ(judged.bounds[t], judged.centre(t).norm() < 0.3 ? Bounds::Nothing : Bounds::Wall);
 }
 
+// One node that seems to see a wall from behind, out of nowhere.
+TEST(TriangleSides, AStrayRayMakesNoHole) {
+  Context context;
+  const Surface surface = condition(test::cube(4), context);
+  std::vector<Sighting> sightings;
+  for (TriangleId t : surface.triangles.ids()) {
+    for (int i = 0; i < 3; ++i) sightings.push_back({t, 1, kVoid});
+    for (int i = 0; i < 3; ++i) sightings.push_back({t, 0, 0});
+  }
+  const TriangleId stray(17);
+  for (Sighting& s : sightings)
+    if (s.triangle == stray && s.front == 0) s.colour = kVoid;
+  const IdMap<TriangleId, Bounds> bounds = judge_triangles(surface, sightings);
+  for (TriangleId t : bounds.ids()) EXPECT_EQ(bounds[t], Bounds::Wall);
+}
+
 }  // namespace
 }  // namespace strata
