@@ -211,14 +211,19 @@ Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheet
       wall_([&] {
         // Feet slide; what the volume's spread carries along bare walls anyway, and all that cannot slide, stays out of it.
         IdMap<VertexId, Role> role(mesh.position.size(), Role::Still);
-        IdMap<VertexId, std::uint8_t> on_wall(mesh.position.size(), 0);
-        for (VertexId v : mesh.position.ids()) on_wall[v] = mesh.attachment[v].hold != Hold::Free;
+        Spread::Among among{IdMap<VertexId, std::uint8_t>(mesh.position.size(), 0), {}};
+        for (VertexId v : mesh.position.ids()) among.vertices[v] = mesh.attachment[v].hold != Hold::Free;
         for (const GrowingSheet& sheet : sheets)
-          for (VertexId v : sheet.columns.bottom)
-            if (const Hold hold = mesh.attachment[v].hold; hold == Hold::Chart || hold == Hold::Curve) role[v] = Role::Carried;
+          for (std::size_t c = 0; c < sheet.columns.size(); ++c) {
+            const VertexId bottom = sheet.columns.bottom[c], top = sheet.columns.top[c];
+            if (const Hold hold = mesh.attachment[bottom].hold; hold == Hold::Chart || hold == Hold::Curve) role[bottom] = Role::Carried;
+            // A column does not push its own foot.
+            if (among.vertices[bottom] && among.vertices[top]) among.apart.emplace_back(bottom, top);
+          }
+        std::sort(among.apart.begin(), among.apart.end());
         for (const Goal& goal : goals_)
-          if (on_wall[goal.top]) role[goal.top] = Role::Driven;
-        return Spread(mesh, stars_, role, rings, &on_wall);
+          if (among.vertices[goal.top]) role[goal.top] = Role::Driven;
+        return Spread(mesh, stars_, role, rings, among);
       }()) {
   for (const Goal& goal : goals_) movers_.push_back(goal.top);
   for (VertexId v : wall_.carried()) role_[v] = Role::Driven, movers_.push_back(v);
@@ -371,6 +376,10 @@ Inflation::Advanced Inflation::advance(HexMesh mesh, const std::vector<GrowingSh
   IdMap<VertexId, Vec3> move(mesh.position.size(), Vec3::Zero());
   for (const Goal& goal : goals_) move[goal.top] = step.share * (end[goal.top] - mesh.position[goal.top]);
   wall_.fill(move);
+  for (VertexId v : wall_.carried()) {
+    const Vec3 to = ground_->project(mesh.attachment[v], mesh.position[v] + move[v]).position;
+    move[v] = to + off_ground(mesh, *ground_, v) - mesh.position[v];
+  }
   for (const Goal& goal : goals_) {
     // Single columns go with their feet.
     if (!goal.common.valid() && mesh.attachment[goal.top].hold == Hold::Free) move[goal.top] += move[goal.bottom[0]];

@@ -12,18 +12,32 @@ constexpr int kSweeps = 12;  // of Jacobi, from a start that decays ring by ring
 
 }  // namespace
 
-Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings,
-               const IdMap<VertexId, std::uint8_t>* on) {
+Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings) {
+  reach(mesh, stars, role, rings, nullptr);
+}
+
+Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, const Among& among) {
+  reach(mesh, stars, role, rings, &among);
+}
+
+void Spread::reach(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, const Among* among) {
+  const auto counts = [&](VertexId v) { return among == nullptr || among->vertices[v] != 0; };
+  const auto joined = [&](VertexId a, VertexId b) {
+    if (among == nullptr) return true;
+    const auto& apart = among->apart;
+    return !std::binary_search(apart.begin(), apart.end(), std::pair(a, b)) &&
+           !std::binary_search(apart.begin(), apart.end(), std::pair(b, a));
+  };
   IdMap<VertexId, std::uint8_t> reached(mesh.position.size(), 0);
   std::vector<VertexId> front;
   for (VertexId v : role.ids())
-    if (role[v] == Role::Driven && (on == nullptr || (*on)[v])) reached[v] = 1, front.push_back(v);
+    if (role[v] == Role::Driven && counts(v)) reached[v] = 1, front.push_back(v);
   for (int ring = 0; ring < rings && !front.empty(); ++ring) {
     std::vector<VertexId> next;
     for (VertexId v : front)
       for (HexId h : stars.of(v))
         for (VertexId w : mesh.hexes[h])
-          if (!reached[w] && (on == nullptr || (*on)[w])) reached[w] = 1, next.push_back(w);
+          if (!reached[w] && counts(w)) reached[w] = 1, next.push_back(w);
     std::sort(next.begin(), next.end());
     for (VertexId v : next)
       if (role[v] == Role::Carried) carried_.push_back(v);
@@ -37,7 +51,7 @@ Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap
       const HexVertices& hex = mesh.hexes[h];
       const auto corner = static_cast<std::size_t>(std::find(hex.begin(), hex.end(), v) - hex.begin());
       for (const std::int8_t n : kHexCorners[corner])
-        if (const VertexId w = hex[static_cast<std::size_t>(n)]; on == nullptr || (*on)[w]) beside[i].push_back(w);
+        if (const VertexId w = hex[static_cast<std::size_t>(n)]; counts(w) && joined(v, w)) beside[i].push_back(w);
     }
     std::sort(beside[i].begin(), beside[i].end());
     beside[i].erase(std::unique(beside[i].begin(), beside[i].end()), beside[i].end());

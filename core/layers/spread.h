@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "core/mesh/adjacency.h"
@@ -17,15 +18,22 @@ enum class Role : std::uint8_t {
 
 class Spread {
  public:
-  // Only vertices within `rings` rings of a driven one are carried. `on`, if given: the vertices that count at all (1).
-  Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings,
-         const IdMap<VertexId, std::uint8_t>* on = nullptr);
+  // Only vertices within `rings` rings of a driven one are carried.
+  Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings);
+  // What counts, when it is not everything.
+  struct Among {
+    IdMap<VertexId, std::uint8_t> vertices;                    // 1: counts
+    std::vector<std::pair<VertexId, VertexId>> apart;          // sorted: edges that do not carry, either way round
+  };
+  Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, const Among& among);
 
   [[nodiscard]] const std::vector<VertexId>& carried() const { return carried_; }  // by ring, then by id
   // Fills in the moves of the carried vertices: the mean of their neighbours' (discrete harmonic), nothing beyond the last ring.
   void fill(IdMap<VertexId, Vec3>& move) const;
 
  private:
+  void reach(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, const Among* among);
+
   std::vector<VertexId> carried_;
   std::vector<std::size_t> ring_end_;
   std::vector<std::int32_t> first_;        // neighbours by edges of carried_[i]

@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <random>
+#include <string>
+#include <vector>
+
 #include "core/quality/quality.h"
 #include "tests/core/layers/layer_scene.h"
 #include "tests/support/mesh_checks.h"
@@ -119,6 +124,68 @@ TEST(Layers, TooThickLayersAreThinnedNotInverted) {
   EXPECT_EQ(grown.rung, LayersRung::Thinned);
   EXPECT_EQ(grown.mesh.hexes.size(), 64U + 2 * 16 * 3);
   expect_sound(grown.mesh);
+}
+
+// As thick as the quads are wide and a little more: strips and edges must push the next columns aside.
+class ThickCube : public ::testing::TestWithParam<Ending> {};
+
+TEST_P(ThickCube, KeepsTheThicknessAtTheEdges) {
+  const auto scene = cube_scene(8);
+  const double cell = scene->surface.frame.scale / 8, first = 1.2 * cell / (1 + 1.2 + 1.44);
+  const GrowResult grown = grow(*scene, {layers_on(kSides, 3, first, 1.2, GetParam())});
+  EXPECT_EQ(grown.rung, LayersRung::Full);
+  expect_sound(grown.mesh);
+  EXPECT_GT(worst(grown.mesh), 0.1);
+  for (const PatchLayers& p : grown.patches) {
+    EXPECT_DOUBLE_EQ(p.coverage, 1);
+    EXPECT_GT(p.thickness_fraction_mean, 0.98);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Edges, ThickCube, ::testing::Values(Ending::Regular, Ending::CrossImprint));
+
+TEST(Layers, GrowBeyondTheMotherLayerWhereThereIsRoom) {
+  const auto scene = cube_scene(8);
+  const double first = 0.3 * scene->surface.frame.scale / (1 + 1.2 + 1.44 + 1.728 + 2.0736);   // 2.4 cells in all
+  const GrowResult grown = grow(*scene, {layers_on({"z_min"}, 5, first, 1.2, Ending::Imprint)});
+  expect_sound(grown.mesh);
+  EXPECT_GT(grown.patches.at(0).thickness_fraction_min, 0.95);
+}
+
+// One hex of the volume is crushed onto the wall: the layers may be thin there, and nowhere else.
+TEST(Layers, AreThinOnlyWhereAPlaceIsBad) {
+  const auto scene = cube_scene(8);
+  const double scale = scene->surface.frame.scale;
+  const Vec3 over = scene->surface.frame.to_work(Vec3(0.5, 0.5, 0.125));
+  for (Vec3& p : scene->mesh.position)
+    if ((p - over).norm() < 1e-9) p.z() -= 0.12 * scale;
+  const GrowResult grown = grow(*scene, {layers_on({"z_min"}, 3, 0.02 * scale, 1.2, Ending::Imprint)});
+  expect_sound(grown.mesh);
+  EXPECT_DOUBLE_EQ(grown.patches.at(0).coverage, 1);
+  EXPECT_GT(grown.patches.at(0).thickness_fraction_mean, 0.9);
+}
+
+// Any layout of wishes on a box gives a conforming, valid mesh that carries layers wherever they were asked for.
+TEST(Layers, OfAnyLayoutOnABoxAreValid) {
+  std::mt19937 random(7);
+  const auto below = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
+  constexpr std::array<Ending, 4> kEndings{Ending::Auto, Ending::Imprint, Ending::CrossImprint, Ending::Regular};
+  for (int trial = 0; trial < 24; ++trial) {
+    const auto scene = cube_scene(4);
+    std::vector<LayerSpec> layers;
+    for (const std::string& side : kSides) {
+      if (below(3) == 0) continue;
+      const double height = (0.005 + 0.01 * below(6)) * scene->surface.frame.scale;
+      layers.push_back(layers_on({side}, 1 + below(4), height, 1.0 + 0.1 * below(4), kEndings[static_cast<std::size_t>(below(4))]));
+      layers.back().blending = below(2) == 0 ? Blending::Auto : Blending::None;
+    }
+    if (layers.empty()) continue;
+    SCOPED_TRACE("trial " + std::to_string(trial));
+    const GrowResult grown = grow(*scene, layers);
+    expect_sound(grown.mesh);
+    EXPECT_LT(grown.rung, LayersRung::Dropped);
+    for (const PatchLayers& p : grown.patches) EXPECT_DOUBLE_EQ(p.coverage, 1);
+  }
 }
 
 TEST(Layers, WithoutARequestTheMeshIsUntouched) {
