@@ -22,7 +22,7 @@ USER 10001:10001
 VOLUME /data
 EXPOSE 50051
 HEALTHCHECK --interval=10s --timeout=5s --start-period=10s --retries=3 \
-  CMD ["strata", "server", "status", "--server", "127.0.0.1:50051"]
+  CMD ["strata", "server", "health", "--server", "127.0.0.1:50051"]
 STOPSIGNAL SIGTERM
 ENTRYPOINT ["stratad"]
 CMD ["--listen", "0.0.0.0:50051", "--data-dir", "/data", "--insecure"]
