@@ -70,6 +70,12 @@ void require(const HexMesh& mesh, const Promises& promises) {
   if (auto broken = check_mesh(mesh, promises)) throw MeshError(Failure::Internal, std::move(*broken));
 }
 
+void require_in_input(const HexMesh& mesh, const Frame& frame) {
+  HexMesh written = mesh;
+  for (Vec3& p : written.position) p = frame.to_input(p);
+  require(written);
+}
+
 void require_no_contacts(const HexMesh& mesh) {
   if (const auto contacts = find_contacts(mesh); !contacts.empty()) throw MeshError(Failure::Internal, describe(mesh, contacts));
 }

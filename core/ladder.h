@@ -23,6 +23,8 @@ void report_fall(const Diagnostic& failure, Reason reason, const std::string& wh
 
 // Throws MeshError(Internal) with the first promise that is broken.
 void require(const HexMesh& mesh, const Promises& promises = {});
+// The same of the mesh as it will be in the input's frame: far from the origin coordinates are coarse.
+void require_in_input(const HexMesh& mesh, const Frame& frame);
 // Throws MeshError(Internal) when the skin touches itself.
 void require_no_contacts(const HexMesh& mesh);
 

@@ -207,6 +207,7 @@ HexMesh smooth_without_features(const HexMesh& wrapped, HexMesh smooth, const Di
   HexMesh mesh = label_by_nearest(std::move(gone_back.mesh), run.ground);
   require(mesh);
   mesh = take_off_itself(std::move(mesh), run.context);
+  require_in_input(mesh, run.surface.frame);
   fall_to(run.rung, Rung::FitRelaxed);
   report_fall(failure, Reason::SurfaceFitRelaxed,
               "features could not be held: the mesh follows the surface without them, but for " + std::to_string(gone_back.moved) +
@@ -232,6 +233,7 @@ HexMesh fit_or_fall(HexMesh carved, const Run& run) {
       mesh = fit_features(smooth, run.ground, run.rung, run.context);
       require(mesh);
       mesh = take_off_itself(std::move(mesh), run.context);
+      require_in_input(mesh, run.surface.frame);
       tell_quality(Stage::FitToFeatures, mesh, run);
     });
     if (!failure) return mesh;
@@ -271,7 +273,7 @@ HexMesh grow_or_drop(HexMesh mesh, const std::vector<LayerSpec>& layers, std::ve
     GrowResult result = grow_layers(mesh, layers, run.ground, run.context);
     require(result.mesh);
     layered = take_off_itself(std::move(result.mesh), run.context);
-    require(layered);
+    require_in_input(layered, run.surface.frame);
     grown = std::move(result.patches);
     fall_to(run.rung, rung_of(result.rung));
   });

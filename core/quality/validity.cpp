@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <span>
@@ -262,19 +263,26 @@ Found check_boundary_edges(const HexMesh& mesh, const AllSides& sides) {
   return {};
 }
 
-// The least determinant at the corners and, by the principal axes, at the centre (Verdict SAND2007-1751), not scaled.
+// What counts as zero for the product of three directions: rounding makes as much of it, and the next rounding may turn it.
+constexpr double kZeroProduct = 1e-8;
+
+bool clearly_positive(const Vec3& x, const Vec3& y, const Vec3& z) {
+  return x.cross(y).dot(z) > kZeroProduct * std::sqrt(x.squaredNorm() * y.squaredNorm() * z.squaredNorm());
+}
+
+// The determinants at the corners and, by the principal axes, at the centre (Verdict SAND2007-1751).
 bool positive(const HexMesh& mesh, HexId h) {
   const HexVertices& v = mesh.hexes[h];
   std::array<Vec3, 8> p;
   for (std::size_t i = 0; i < 8; ++i) p[i] = mesh.position[v[i]];
   for (std::size_t i = 0; i < 8; ++i) {
     const auto edge = [&](std::size_t k) -> Vec3 { return p[static_cast<std::size_t>(kHexCorners[i][k])] - p[i]; };
-    if (!(edge(0).cross(edge(1)).dot(edge(2)) > 0)) return false;
+    if (!clearly_positive(edge(0), edge(1), edge(2))) return false;
   }
   const Vec3 x = p[1] - p[0] + p[2] - p[3] + p[5] - p[4] + p[6] - p[7];
   const Vec3 y = p[3] - p[0] + p[2] - p[1] + p[7] - p[4] + p[6] - p[5];
   const Vec3 z = p[4] - p[0] + p[5] - p[1] + p[6] - p[2] + p[7] - p[3];
-  return x.cross(y).dot(z) > 0;
+  return clearly_positive(x, y, z);
 }
 
 Found check_positive(const HexMesh& mesh) {

@@ -29,7 +29,7 @@ struct Promises {
 // The first promise the mesh breaks, with its place; empty when it keeps them all:
 // arrays of one size, ids in range, finite coordinates; every face with one or two hexes, seen with opposite turns; quads exactly the
 // boundary and interface faces, oriented as HexMesh asks, each with a patch; hexes of the volume with at most one quad; two quads at every
-// edge of a region's boundary; every hex positive at its corners and its centre. Same answer for any thread count. About a third of a
+// edge of a region's boundary; every hex positive, by more than rounding, at its corners and its centre. Same answer for any thread count. About a third of a
 // second for a million hexes.
 std::optional<Diagnostic> check_mesh(const HexMesh& mesh, const Promises& promises = {});
 
