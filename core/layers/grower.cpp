@@ -366,15 +366,20 @@ void Grower::even_out(Stack& stack, std::int32_t sheet) {
   }
 }
 
+// The groups are joined whole: a part of one that stayed apart from the rest would have to cross it where they are flush.
 void Grower::note_bad_crossing(std::span<const Guard::Crossing> crossings) {
-  for (std::size_t i = 1; i < crossings.size(); ++i) {
-    const auto front = [&](std::size_t k) {
-      return plan.groups[static_cast<std::size_t>(sheets_[static_cast<std::size_t>(crossings[k].sheet)].group)].fronts.front();
-    };
-    const std::pair<FrontIndex, FrontIndex> pair = std::minmax(front(i - 1), front(i));
-    if (pair.first != pair.second && std::find(crossed_badly.begin(), crossed_badly.end(), pair) == crossed_badly.end())
-      crossed_badly.push_back(pair);
-  }
+  const auto fronts = [&](const Guard::Crossing& c) -> const std::vector<FrontIndex>& {
+    return plan.groups[static_cast<std::size_t>(sheets_[static_cast<std::size_t>(c.sheet)].group)].fronts;
+  };
+  const auto join = [&](FrontIndex a, FrontIndex b) {
+    const std::pair<FrontIndex, FrontIndex> pair = std::minmax(a, b);
+    if (a != b && std::find(crossed_badly.begin(), crossed_badly.end(), pair) == crossed_badly.end()) crossed_badly.push_back(pair);
+  };
+  for (std::size_t i = 1; i < crossings.size(); ++i)
+    for (const FrontIndex a : fronts(crossings[i - 1])) {
+      join(a, fronts(crossings[i]).front());
+      for (const FrontIndex b : fronts(crossings[i])) join(fronts(crossings[i - 1]).front(), b);
+    }
 }
 
 void Grower::cut() {

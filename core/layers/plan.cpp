@@ -148,7 +148,8 @@ void Planner::form_groups() {
   for (const auto& [a, b] : lessons.joined) {
     if (!growing(a) || !growing(b)) continue;
     order.push_back({a, b, true, true, std::numeric_limits<double>::infinity()});
-    ending_changed(a, b, "joined regularly, because layers that cross would not be valid there");
+    if (pairs.contains({std::min(a, b), std::max(a, b)}))
+      ending_changed(a, b, "joined regularly, because layers that cross would not be valid there");
   }
   std::stable_sort(order.begin(), order.end(),
                    [](const Wish& x, const Wish& y) { return x.asked != y.asked ? x.asked : x.weight > y.weight; });
