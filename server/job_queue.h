@@ -52,7 +52,7 @@ std::optional<std::string> JobQueue::pop(const MayRun& may_run) {
     if (!tenant.waiting.empty() && (next == nullptr || tenant.had < next->had) && may_run(name)) next = &tenant;
   if (next == nullptr) return {};
   least_had_ = next->had;
-  const std::string job_id = next->waiting.begin()->second;
+  std::string job_id = next->waiting.begin()->second;
   remove(job_id);
   return job_id;
 }

@@ -200,8 +200,8 @@ Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheet
           for (std::size_t k = 0; k < 2 && k < static_cast<std::size_t>(beside.sheets); ++k)
             if (beside.sheet[k] == goal.sheet[1]) goal.common = beside.bottom[k];
         }
-        std::stable_sort(goals_.begin(), goals_.end(),
-                         [](const Goal& a, const Goal& b) { return a.sheets != b.sheets ? a.sheets < b.sheets : a.top < b.top; });
+        std::sort(goals_.begin(), goals_.end(),
+                  [](const Goal& a, const Goal& b) { return a.sheets != b.sheets ? a.sheets < b.sheets : a.top < b.top; });
         for (VertexId v : mesh.position.ids())
           if (mesh.attachment[v].hold == Hold::Corner || mesh.attachment[v].hold == Hold::Fixed || stars_.of(v).empty())
             role_[v] = Role::Still;

@@ -276,7 +276,10 @@ bool positive(const HexMesh& mesh, HexId h) {
   std::array<Vec3, 8> p;
   for (std::size_t i = 0; i < 8; ++i) p[i] = mesh.position[v[i]];
   for (std::size_t i = 0; i < 8; ++i) {
-    const auto edge = [&](std::size_t k) -> Vec3 { return p[static_cast<std::size_t>(kHexCorners[i][k])] - p[i]; };
+    const auto edge = [&](std::size_t k) -> Vec3 {
+      const int end = kHexCorners[i][k];
+      return p[static_cast<std::size_t>(end)] - p[i];
+    };
     if (!clearly_positive(edge(0), edge(1), edge(2))) return false;
   }
   const Vec3 x = p[1] - p[0] + p[2] - p[3] + p[5] - p[4] + p[6] - p[7];

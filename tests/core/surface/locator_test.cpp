@@ -5,8 +5,8 @@
 #include <random>
 
 #include "core/base/context.h"
-#include "core/surface/locator.h"
 #include "core/base/triangle_geometry.h"
+#include "core/surface/locator.h"
 #include "tests/support/shapes.h"
 
 namespace strata {
