@@ -277,8 +277,8 @@ bool positive(const HexMesh& mesh, HexId h) {
   for (std::size_t i = 0; i < 8; ++i) p[i] = mesh.position[v[i]];
   for (std::size_t i = 0; i < 8; ++i) {
     const auto edge = [&](std::size_t k) -> Vec3 {
-      const int end = kHexCorners[i][k];
-      return p[static_cast<std::size_t>(end)] - p[i];
+      const auto end = static_cast<std::uint8_t>(kHexCorners[i][k]);
+      return p[std::size_t{end}] - p[i];
     };
     if (!clearly_positive(edge(0), edge(1), edge(2))) return false;
   }
