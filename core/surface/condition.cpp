@@ -192,6 +192,36 @@ void repair(Draft& draft, Context& context) {
   if (draft.size() == 0) refuse(Reason::SurfaceEmpty, "no triangle of the surface has an area");
 }
 
+// Triangles by patch, then by where they lie, each from its first corner in that order: what is numbered after them, such as charts and
+// corners, does not depend on the order of the file.
+void put_in_order(Draft& draft) {
+  const auto before = [&](std::int32_t a, std::int32_t b) {
+    const Vec3 &p = draft.points[static_cast<std::size_t>(a)], &q = draft.points[static_cast<std::size_t>(b)];
+    return std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
+  };
+  parallel_for(draft.size(), [&](std::size_t t) {
+    auto& corners = draft.triangles[t];
+    std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end(), before), corners.end());
+  });
+  std::vector<std::size_t> order(draft.size());
+  for (std::size_t t = 0; t < order.size(); ++t) order[t] = t;
+  parallel_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    if (draft.patch[a] != draft.patch[b]) return draft.patch[a] < draft.patch[b];
+    const auto &x = draft.triangles[a], &y = draft.triangles[b];
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (before(x[i], y[i])) return true;
+      if (before(y[i], x[i])) return false;
+    }
+    return draft.source[a] < draft.source[b];
+  });
+  const Draft from = draft;
+  parallel_for(order.size(), [&](std::size_t t) {
+    draft.triangles[t] = from.triangles[order[t]];
+    draft.patch[t] = from.patch[order[t]];
+    draft.source[t] = from.source[order[t]];
+  });
+}
+
 void report_edges(const Draft& draft, const std::vector<Side>& sides, Context& context) {
   Repair open, crowded;
   for_each_edge(sides, [&](std::size_t first, std::size_t last) {
@@ -230,6 +260,7 @@ Surface condition(TriangleSoup soup, Context& context) {
   check_values(soup);
   Draft draft = framed(soup);
   repair(draft, context);
+  put_in_order(draft);
   context.progress(0.7);
 
   Surface surface;
