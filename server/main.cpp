@@ -1,5 +1,6 @@
 // stratad: wires the parts, starts, waits for the signal, drains.
 #include <fcntl.h>
+#include <grpc/grpc.h>
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -32,6 +33,9 @@ void keep_memory_between_messages() {
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
   mallopt(M_TOP_PAD, 64 << 20);
 }
+
+// Held until the process ends: whoever gives gRPC 1.51 back last waits for one of its own pollers, which may sleep for ten more seconds.
+void keep_grpc() { grpc_init(); }
 
 // Blocked here and so in every thread started later; read in wait_for_signal.
 sigset_t block_signals() {
@@ -150,6 +154,7 @@ int back_up(const Config& config) {
 int main(int argc, char** argv) {
   if (is_worker(argc, argv)) return worker_main(mesher_door(), argv);
   keep_memory_between_messages();
+  keep_grpc();
   const ParsedConfig parsed = parse_config(argc, argv);
   if (!parsed.config) return parsed.exit_code;
   const Config& config = *parsed.config;
