@@ -5,38 +5,74 @@
 
 namespace strata::shapes {
 
-void add_box(PatchedSurface& surface, const Point& low, const Point& high, const std::array<std::string, 6>& names, int segments) {
-  std::map<std::array<int, 3>, int> ids;  // grid place -> point, so that faces share their edges
-  const auto point = [&](const std::array<int, 3>& place) {
-    const auto [found, inserted] = ids.try_emplace(place, 0);
-    if (inserted) {
-      Point p;
-      for (int i = 0; i < 3; ++i) p[i] = low[i] + (high[i] - low[i]) * place[i] / segments;
-      found->second = surface.add_point(p);
-    }
-    return found->second;
-  };
-  for (int face = 0; face < 6; ++face) {
-    const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
+namespace {
+
+// The points of a box's faces, which share their edges.
+class BoxGrid {
+ public:
+  BoxGrid(PatchedSurface& surface, const Point& low, const Point& high, int segments)
+      : surface_(surface), low_(low), high_(high), segments_(segments) {}
+
+  // Place (u, v) on a face, in an order that makes u cross v point out of the box.
+  int operator()(int face, int u, int v) {
+    const int axis = face / 2;
     const bool at_high = face % 2 == 1;
-    const int patch = surface.patch(names[face]);
-    for (int a = 0; a < segments; ++a) {
-      for (int b = 0; b < segments; ++b) {
-        const auto at = [&](int du, int dv) {
-          std::array<int, 3> place{};
-          place[axis] = at_high ? segments : 0;
-          place[u] = a + du;
-          place[v] = b + dv;
-          return point(place);
-        };
-        if (at_high) {
-          surface.add_quad(at(0, 0), at(1, 0), at(1, 1), at(0, 1), patch);
-        } else {
-          surface.add_quad(at(0, 0), at(0, 1), at(1, 1), at(1, 0), patch);
-        }
+    std::array<int, 3> place{};
+    place[axis] = at_high ? segments_ : 0;
+    place[(axis + 1) % 3] = at_high ? u : v;
+    place[(axis + 2) % 3] = at_high ? v : u;
+    const auto [found, inserted] = ids_.try_emplace(place, 0);
+    if (inserted) found->second = surface_.add_point(position(place));
+    return found->second;
+  }
+
+  void fill(int face, int patch) {
+    auto& at = *this;
+    for (int u = 0; u < segments_; ++u) {
+      for (int v = 0; v < segments_; ++v) {
+        surface_.add_quad(at(face, u, v), at(face, u + 1, v), at(face, u + 1, v + 1), at(face, u, v + 1), patch);
       }
     }
   }
+
+  std::vector<int> outline(int face) {
+    auto& at = *this;
+    const int n = segments_;
+    std::vector<int> loop;
+    for (int i = 0; i < n; ++i) loop.push_back(at(face, i, 0));
+    for (int i = 0; i < n; ++i) loop.push_back(at(face, n, i));
+    for (int i = n; i > 0; --i) loop.push_back(at(face, i, n));
+    for (int i = n; i > 0; --i) loop.push_back(at(face, 0, i));
+    return loop;
+  }
+
+ private:
+  [[nodiscard]] Point position(const std::array<int, 3>& place) const {
+    Point p;
+    for (int i = 0; i < 3; ++i) p[i] = low_[i] + (high_[i] - low_[i]) * place[i] / segments_;
+    return p;
+  }
+
+  PatchedSurface& surface_;
+  Point low_, high_;
+  int segments_;
+  std::map<std::array<int, 3>, int> ids_;
+};
+
+}  // namespace
+
+void add_box(PatchedSurface& surface, const Point& low, const Point& high, const std::array<std::string, 6>& names, int segments) {
+  BoxGrid grid(surface, low, high, segments);
+  for (int face = 0; face < 6; ++face) grid.fill(face, surface.patch(names[face]));
+}
+
+std::vector<int> add_open_box(PatchedSurface& surface, const Point& low, const Point& high, const std::array<std::string, 6>& names,
+                              int segments, int open_face) {
+  BoxGrid grid(surface, low, high, segments);
+  for (int face = 0; face < 6; ++face) {
+    if (face != open_face) grid.fill(face, surface.patch(names[face]));
+  }
+  return grid.outline(open_face);
 }
 
 RevolvedGrid add_revolved_points(PatchedSurface& surface, const std::vector<ProfilePoint>& profile, const std::vector<double>& angles) {

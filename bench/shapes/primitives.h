@@ -11,6 +11,9 @@ namespace strata::shapes {
 
 // Box faces in the order xmin, xmax, ymin, ymax, zmin, zmax, each named, `segments` along every edge; normals point out of the box.
 void add_box(PatchedSurface& surface, const Point& low, const Point& high, const std::array<std::string, 6>& names, int segments);
+// The same without one face, counted as the names are. Returns the points round the opening, in the order that a face there would turn.
+std::vector<int> add_open_box(PatchedSurface& surface, const Point& low, const Point& high, const std::array<std::string, 6>& names,
+                              int segments, int open_face);
 
 // A point of a profile in the half plane (x, r >= 0), and the patch of the stretch from it to the next point.
 struct ProfilePoint {

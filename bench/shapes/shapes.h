@@ -26,6 +26,24 @@ PatchedSurface sphere_in_box(int fineness);
 // 90 degrees.
 PatchedSurface rocket(int fineness);
 
+// The flow around a jet fighter of length 10 and span 12 along x: body, intake, exhaust, wing, tail, tail_wing, inlet, outlet, farfield.
+// The trailing edges of wing, tail and tail wing are sharp (10 to 15 degrees); the tail wing stands on the tail, the tail on the body.
+PatchedSurface fighter(int fineness);
+
+// The water around half a ship's hull of length 6 along x, up to the waterline z = 0, y >= 0: hull, keel, transom, symmetry, free_surface,
+// inlet, outlet, side, bottom.
+PatchedSurface hull(int fineness);
+
+// The flow around a car's side mirror, about 0.5 wide, on the wall z = 0: housing, rim, glass, foot, plate, wall, inlet, outlet, sides, top.
+PatchedSurface mirror(int fineness);
+
+// The flow around a tapered, swept wing of half span 2 and chord 1 to 0.5 on the plane of symmetry y = 0, with a sharp trailing edge (16
+// degrees): wing, symmetry, inlet, outlet, farfield.
+PatchedSurface wing(int fineness);
+
+// A mechanical part, 4 x 3 x 0.5, with three bores: top, bottom, side, bores.
+PatchedSurface bracket(int fineness);
+
 struct Shape {
   std::string name;
   PatchedSurface (*make)(int fineness);

@@ -75,7 +75,9 @@ PatchedSurface sphere_in_box(int fineness) {
 
 const std::vector<Shape>& all_shapes() {
   static const std::vector<Shape> shapes = {
-      {"cube", cube}, {"cylinder", cylinder}, {"sphere", sphere}, {"sphere_in_box", sphere_in_box}, {"rocket", rocket}};
+      {"cube", cube},     {"cylinder", cylinder}, {"sphere", sphere}, {"sphere_in_box", sphere_in_box},
+      {"rocket", rocket}, {"fighter", fighter},   {"hull", hull},     {"mirror", mirror},
+      {"wing", wing},     {"bracket", bracket}};
   return shapes;
 }
 

@@ -62,6 +62,10 @@ TEST(Shapes, EveryShellTurnsOutwards) {
   for (const auto& shape : all_shapes()) EXPECT_GT(enclosed_volume(shape.make(1)), 0) << shape.name;
   EXPECT_NEAR(enclosed_volume(cube(1)), 1, 1e-12);
   EXPECT_GT(enclosed_volume(rocket(1)), 16 * 12 * 12);
+  EXPECT_GT(enclosed_volume(fighter(1)), 36 * 32 * 28);
+  EXPECT_LT(enclosed_volume(wing(1)), 8 * 5 * 7);
+  EXPECT_LT(enclosed_volume(mirror(1)), 6 * 3 * 2);
+  EXPECT_LT(enclosed_volume(hull(1)), 20 * 6 * 4);
   EXPECT_NEAR(enclosed_volume(cylinder(4)), std::numbers::pi / 2, 2e-3);
   EXPECT_NEAR(enclosed_volume(sphere_in_box(2)), 216 + std::numbers::pi / 6, 2e-3);
 }
