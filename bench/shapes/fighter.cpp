@@ -18,11 +18,11 @@ namespace strata::shapes {
 namespace {
 
 constexpr double kTailTipHeight = 2.5;
-constexpr double kTailWingHeight = 1.35, kTailWingThickness = 0.1;
+constexpr double kTailWingHeight = 1.35, kTailWingThickness = 0.12;
 constexpr double kTailWingFrom = 0.2, kTailWingTo = 0.85;  // where it stands, in chords of the tail
 
 Profile wing_tip(double side) { return {{3.95, side * 6, 0.1}, 1.5, 0.12, {0, 0, side}}; }
-Profile tail_tip() { return {{8.5, 0, kTailTipHeight}, 1.3, 0.1, {0, -1, 0}}; }
+Profile tail_tip() { return {{8.5, 0, kTailTipHeight}, 1.3, 0.12, {0, -1, 0}}; }
 
 // The tail's stations and which of them the tail wing stands between.
 struct TailStations {
@@ -123,7 +123,7 @@ class Tail {
 
 void add_tail_wing(PatchedSurface& surface, const Section& root, double side, const TailStations& tail, int fineness) {
   const double front = surface.points[root.low.front()][0];
-  const Profile tip = {{front + 0.45, side * 2.2, kTailWingHeight}, 0.75, kTailWingThickness, {0, 0, side}};
+  const Profile tip = {{front + 0.45, side * 2.2, kTailWingHeight}, 0.85, kTailWingThickness, {0, 0, side}};
   const StraightBlade blade(root, tip, tail_wing_stations(tail));
   blade.add(surface, {0, side, 0}, 16 * fineness, 4 * fineness, surface.patch("tail_wing"));
 }
@@ -133,7 +133,7 @@ void add_tail_wing(PatchedSurface& surface, const Section& root, double side, co
 PatchedSurface fighter(int fineness) {
   const auto stations = tail_stations(fineness);
   const Root wing = {3.5, 2.6, 0.12, chord_stations(20 * fineness)};
-  const Root tail_root = {7.1, 2.3, 0.11, stations.u};
+  const Root tail_root = {7.1, 2.3, 0.12, stations.u};
   PatchedSurface surface;
   FighterBody body(surface, wing, tail_root, fineness);
   body.fill();

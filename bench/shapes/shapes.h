@@ -27,7 +27,7 @@ PatchedSurface sphere_in_box(int fineness);
 PatchedSurface rocket(int fineness);
 
 // The flow around a jet fighter of length 10 and span 12 along x: body, intake, exhaust, wing, tail, tail_wing, inlet, outlet, farfield.
-// The trailing edges of wing, tail and tail wing are sharp (10 to 15 degrees); the tail wing stands on the tail, the tail on the body.
+// The trailing edges of wing, tail and tail wing are sharp (about 16 degrees); the tail wing stands on the tail, the tail on the body.
 PatchedSurface fighter(int fineness);
 
 // The water around half a ship's hull of length 6 along x, up to the waterline z = 0, y >= 0: hull, keel, transom, symmetry, free_surface,
