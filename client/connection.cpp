@@ -86,6 +86,14 @@ std::shared_ptr<grpc::ChannelCredentials> credentials(const GlobalOptions& optio
   return grpc::SslCredentials(ssl);
 }
 
+// On one machine packing costs more than it saves.
+bool packs(Packing packing, const std::string& address) {
+  if (packing != Packing::Auto) return packing == Packing::Always;
+  const bool here = address.rfind("unix:", 0) == 0 || address.rfind("localhost:", 0) == 0 || address.rfind("127.", 0) == 0 ||
+                    address.rfind("[::1]:", 0) == 0;
+  return !here;
+}
+
 bool wait_until_ready(grpc::Channel& channel, const PrivateServer* own, int retries) {
   using Clock = std::chrono::system_clock;
   const auto until = Clock::now() + (own != nullptr ? kStartLimit : kConnectLimit);
@@ -180,6 +188,7 @@ Connection connect(const GlobalOptions& options, PrivateServerAllowed may_start)
     connection.own = std::make_unique<PrivateServer>(options.threads);
     connection.address = connection.own->address();
   }
+  connection.packs = packs(options.packing, connection.address);
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(8 << 20);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 30000);

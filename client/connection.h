@@ -34,6 +34,7 @@ class PrivateServer {
 
 struct Connection {
   std::string address;
+  bool packs = false;                   // what is sent and received, where the server can
   std::unique_ptr<PrivateServer> own;   // when the server is private
   std::shared_ptr<grpc::Channel> channel;
   std::unique_ptr<v1::JobService::Stub> jobs;

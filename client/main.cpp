@@ -22,9 +22,10 @@ constexpr int kMmapThreshold = 256 << 20;  // receiving megabyte frames with the
 constexpr int kTrimThreshold = 1 << 30;
 
 const std::map<std::string, double> kTimeUnits{{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}};
+const std::map<std::string, Packing> kPackings{{"auto", Packing::Auto}, {"always", Packing::Always}, {"never", Packing::Never}};
 const std::map<std::string, Output> kOutputs{{"table", Output::Table}, {"json", Output::Json}, {"name", Output::Name}};
 
-void add_global(CLI::App& app, GlobalOptions& global, std::string& output) {
+void add_global(CLI::App& app, GlobalOptions& global, std::string& output, std::string& packing) {
   app.set_version_flag("--version", std::string("strata ") + kVersion, "Print the version and exit");
   app.add_option("--server", global.server,
                  "Address of stratad: host:port or unix:/path. Default: a private server for the time of the command")
@@ -46,6 +47,9 @@ void add_global(CLI::App& app, GlobalOptions& global, std::string& output) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--retry", global.retries, "Tries without progress before giving up")->capture_default_str()->check(CLI::Range(0, 1000));
   app.add_option("-o,--output-format", output, "Form of the output")->check(CLI::IsMember({"table", "json", "name"}))->type_name("FORM");
+  app.add_option("--compress", packing, "Pack what is sent and received: auto (unless the server is on this machine), always or never")
+      ->check(CLI::IsMember({"auto", "always", "never"}))
+      ->type_name("WHEN");
   app.add_flag("-q,--quiet", global.quiet, "Errors only");
   app.add_flag("--no-progress", global.no_progress, "One line a stage instead of a block that is redrawn");
 }
@@ -88,8 +92,8 @@ int run(int argc, char** argv) {
   MeshOptions meshing;
   JobOptions jobs;
   bool of_server = false;
-  std::string shell, output = "table", wait_for = "succeeded";
-  add_global(app, global, output);
+  std::string shell, output = "table", packing = "auto", wait_for = "succeeded";
+  add_global(app, global, output, packing);
 
   const auto surface_and_spec = [&](CLI::App* command) {
     command->add_option("SURFACE", meshing.surface, "Surface: .stl, .obj, .off, .ply, .mesh or .meshb")->required()->type_name("");
@@ -162,6 +166,7 @@ int run(int argc, char** argv) {
     return error.get_exit_code() == 0 ? app.exit(error) : complain(app, error);
   }
   global.output = kOutputs.at(output);
+  global.packing = kPackings.at(packing);
   jobs.any_end = wait_for == "ended";
   limit_command(global.timeout_seconds);
   const std::vector<std::pair<CLI::App*, std::function<void()>>> table{

@@ -9,6 +9,12 @@ namespace strata::client {
 
 enum class Output { Table, Json, Name };
 
+enum class Packing {
+  Auto,    // unless the server is on this machine
+  Always,
+  Never,
+};
+
 struct GlobalOptions {
   std::string server;           // address; empty: a private server for the time of the command
   std::string tls_ca, tls_cert, tls_key, server_name;
@@ -16,6 +22,7 @@ struct GlobalOptions {
   double timeout_seconds = 0;   // of the whole command; 0: none
   int retries = 8;
   Output output = Output::Table;
+  Packing packing = Packing::Auto;  // of what is sent and received
   bool quiet = false;
   bool no_progress = false;
   int threads = 0;              // of the job; 0: what the server gives

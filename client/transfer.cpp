@@ -14,6 +14,7 @@
 #include "client/interrupt.h"
 #include "client/status.h"
 #include "proto/wire/crc32c.h"
+#include "proto/wire/frame.h"
 #include "proto/wire/sha256.h"
 
 namespace strata::client {
@@ -22,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::seconds kCallLimit{30};
+constexpr std::int64_t kMostFrameBytes = std::int64_t{8} << 20;  // servers send 1 MiB
 
 [[noreturn]] void local_failure(const std::string& what, const std::string& path) {
   throw CommandError(ExitCode::LocalIo, what + " '" + path + "': " + std::strerror(errno));
@@ -86,6 +88,7 @@ class Upload {
     upload_id_ = response.upload_id();
     blob_id_ = response.blob().blob_id();
     offset_ = 0;
+    agree(response.accepted_codecs());
     return status;
   }
 
@@ -101,7 +104,13 @@ class Upload {
     if (!status.ok()) return status;
     blob_id_ = response.blob().blob_id();
     offset_ = response.committed_offset();
+    agree(response.accepted_codecs());
     return status;
+  }
+
+  void agree(const google::protobuf::RepeatedField<int>& accepted) {
+    const bool zstd = connection_.packs && std::find(accepted.begin(), accepted.end(), v1::CODEC_ZSTD) != accepted.end();
+    codec_ = zstd ? v1::CODEC_ZSTD : v1::CODEC_UNSPECIFIED;
   }
 
   // From `offset_` to the end, as far as the connection holds.
@@ -116,6 +125,7 @@ class Upload {
     v1::WriteBlobRequest request;
     request.set_upload_id(upload_id_);
     std::int64_t offset = offset_;
+    wire::PackingChoice choice(codec_);
     while (offset < size_) {
       const std::int64_t boundary = (offset / wire::kFrameBytes + 1) * wire::kFrameBytes;
       std::string& piece = *request.mutable_frame()->mutable_data();
@@ -124,11 +134,13 @@ class Upload {
         context.TryCancel();
         throw CommandError(ExitCode::LocalIo, "'" + path_ + "' changed while it was read", "do not write to the file during the upload");
       }
+      const auto size = static_cast<std::int64_t>(piece.size());
       request.mutable_frame()->set_offset(offset);
-      request.mutable_frame()->set_crc32c(wire::crc32c(piece));
+      wire::seal_frame(*request.mutable_frame(), choice.next());
+      choice.sent(request.frame());
       if (!stream->Write(request)) break;
       guard.heard();
-      offset += static_cast<std::int64_t>(piece.size());
+      offset += size;
       if (progress_) progress_(offset, size_);
     }
     stream->WritesDone();
@@ -142,6 +154,7 @@ class Upload {
   const TransferProgress& progress_;
   std::int64_t size_ = 0, offset_ = 0;  // `offset_`: what the server said it has
   std::string digest_, upload_id_, blob_id_;
+  v1::Codec codec_ = v1::CODEC_UNSPECIFIED;
 };
 
 std::string part_of(const std::string& path) { return path + ".part"; }
@@ -216,14 +229,15 @@ class Download {
     v1::ReadBlobRequest request;
     request.set_blob_id(blob_.blob_id());
     request.set_offset(offset_);
+    if (connection_.packs) request.add_accepted_codecs(v1::CODEC_ZSTD);
     const auto stream = connection_.blobs->ReadBlob(&context, request);
     v1::ReadBlobResponse response;
     bool damaged = false;
     while (!damaged && stream->Read(&response)) {
       guard.heard();
       if (!response.has_frame()) continue;
-      const v1::Frame& frame = response.frame();
-      damaged = frame.offset() != offset_ || wire::crc32c(frame.data()) != frame.crc32c();
+      v1::Frame& frame = *response.mutable_frame();
+      damaged = frame.offset() != offset_ || wire::open_frame(frame, kMostFrameBytes) != wire::FrameFault::None;
       if (!damaged) accept(frame.data());
     }
     if (damaged) context.TryCancel();

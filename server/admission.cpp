@@ -1,14 +1,21 @@
 #include "server/admission.h"
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <grpcpp/support/status_code_enum.h>
 
+#include <cmath>
+#include <condition_variable>
+#include <mutex>
 #include <set>
+#include <thread>
 #include <utility>
 
+#include "core/mesher.h"
 #include "proto/wire/sha256.h"
+#include "server/canonical.h"
 #include "server/convert.h"
 #include "server/ids.h"
+#include "server/job_error.h"
+#include "server/memory_ledger.h"
 #include "server/spec_json.h"
 
 namespace strata::server {
@@ -41,8 +48,11 @@ void check_outputs(v1::CreateJobRequest& request) {
 }
 
 template <class Request>
-v1::MeshSpec typed_spec(const Request& request, const MesherDoor& mesher) {
-  const v1::MeshSpec wire = request.has_spec_json() ? parse_spec(request.spec_json()) : request.spec();
+v1::MeshSpec spec_in(const Request& request) {
+  return request.has_spec_json() ? parse_spec(request.spec_json()) : request.spec();
+}
+
+v1::MeshSpec typed_spec(const v1::MeshSpec& wire, const MesherDoor& mesher) {
   const MeshSpec spec = from_wire(wire);
   for (Diagnostic& finding : mesher.check_spec(spec, {})) {
     // Which patches there are is known when the surface has been read.
@@ -52,38 +62,56 @@ v1::MeshSpec typed_spec(const Request& request, const MesherDoor& mesher) {
   return to_wire(spec);
 }
 
+std::string digest_of(const std::string& bytes) {
+  wire::Sha256 sha;
+  sha.add(bytes);
+  return sha.finish();
+}
+
+// Rings after a while, for what should not take longer.
+class Alarm {
+ public:
+  explicit Alarm(std::chrono::duration<double> after)
+      : thread_([this, after](const std::stop_token& stop) {
+          std::mutex mutex;
+          std::unique_lock lock(mutex);
+          std::condition_variable_any never;
+          never.wait_for(lock, stop, after, [] { return false; });
+          rang_ = true;
+        }) {}
+  [[nodiscard]] const std::atomic<bool>& rang() const { return rang_; }
+
+ private:
+  std::atomic<bool> rang_ = false;
+  std::jthread thread_;
+};
+
 }  // namespace
 
 Refusal invalid_field(const std::string& field, const std::string& message) {
   return Refusal(Refused::InvalidArgument, "REQUEST_INVALID", field + ": " + message).at(field);
 }
 
-std::string fingerprint_of(const v1::CreateJobRequest& request) {
-  std::string bytes;
-  {
-    google::protobuf::io::StringOutputStream stream(&bytes);
-    google::protobuf::io::CodedOutputStream coded(&stream);
-    coded.SetSerializationDeterministic(true);
-    request.SerializeToCodedStream(&coded);
+std::string fingerprint_of(const v1::CreateJobRequest& request) { return digest_of(canonical_bytes(request)); }
+
+Admission::Admission(const BlobStore& blobs, Checker& checker, MesherDoor mesher, const AdmissionOptions& options)
+    : blobs_(blobs), checker_(checker), mesher_(std::move(mesher)), options_(options) {}
+
+v1::MeshSpec Admission::checked_spec(v1::MeshSpec wire) const {
+  if (options_.max_cells > 0) {
+    auto& sizing = *wire.mutable_sizing();
+    if (!sizing.has_max_cells() || sizing.max_cells() > options_.max_cells) sizing.set_max_cells(options_.max_cells);
   }
-  wire::Sha256 sha;
-  sha.add(bytes);
-  return sha.finish();
+  return typed_spec(wire, mesher_);
 }
-
-Admission::Admission(const BlobStore& blobs, MesherDoor mesher, std::int64_t max_inline_surface_bytes)
-    : blobs_(blobs), mesher_(std::move(mesher)), max_inline_surface_bytes_(max_inline_surface_bytes) {}
-
-v1::MeshSpec Admission::checked_spec(const v1::CreateJobRequest& request) const { return typed_spec(request, mesher_); }
-v1::MeshSpec Admission::checked_spec(const v1::ValidateJobRequest& request) const { return typed_spec(request, mesher_); }
 
 void Admission::check_surface(const Caller& caller, const v1::Surface& surface) const {
   check_wire_surface(surface);
   switch (surface.source_case()) {
     case v1::Surface::SOURCE_NOT_SET: throw invalid_field("surface", "needs a blob_id or data");
     case v1::Surface::kData:
-      if (static_cast<std::int64_t>(surface.data().size()) > max_inline_surface_bytes_)
-        throw invalid_field("surface.data", "is larger than " + std::to_string(max_inline_surface_bytes_) + " bytes: upload it");
+      if (static_cast<std::int64_t>(surface.data().size()) > options_.max_inline_surface_bytes)
+        throw invalid_field("surface.data", "is larger than " + std::to_string(options_.max_inline_surface_bytes) + " bytes: upload it");
       return;
     case v1::Surface::kBlobId: {
       const auto blob = is_id(surface.blob_id()) ? blobs_.find(surface.blob_id()) : std::nullopt;
@@ -101,8 +129,58 @@ void Admission::check(const Caller& caller, v1::CreateJobRequest& request) const
   if (!(request.time_limit_seconds() >= 0)) throw invalid_field("time_limit_seconds", "must not be negative");
   if (!(request.result_ttl_seconds() >= 0)) throw invalid_field("result_ttl_seconds", "must not be negative");
   if (std::abs(request.priority()) > kMaxPriority) throw invalid_field("priority", "must be -10 to 10");
-  v1::MeshSpec spec = checked_spec(request);
+  v1::MeshSpec spec = checked_spec(spec_in(request));
   *request.mutable_spec() = std::move(spec);
+}
+
+std::string Admission::cost_key(const v1::Surface& surface, const v1::MeshSpec& spec) const {
+  if (surface.has_data()) return Estimates::key(digest_of(surface.data()), surface, spec);
+  const auto blob = blobs_.find(surface.blob_id());
+  return Estimates::key(blob ? blob->sha256 : surface.blob_id(), surface, spec);
+}
+
+std::optional<v1::Estimate> Admission::cost(const v1::CreateJobRequest& request, Estimating estimating) {
+  const std::string key = cost_key(request.surface(), request.spec());
+  if (auto known = estimates_.find(key)) {
+    refuse_what_never_fits(known->memory_bytes(), options_.memory_budget_bytes);
+    return known;
+  }
+  if (estimating == Estimating::Known) return {};
+  const Alarm alarm(options_.estimate_within);
+  const CheckOrder order{request.surface(), request.spec(), options_.threads, CheckDepth::Cost};
+  Checked checked = checker_.check(order, alarm.rang());
+  if (checked.error && checked.error->code() == grpc::StatusCode::RESOURCE_EXHAUSTED) throw JobRefused(std::move(*checked.error));
+  if (checked.error || !checked.report.has_estimate()) return {};  // what is wrong is said by the run
+  estimates_.remember(key, checked.report.estimate());
+  return std::move(*checked.report.mutable_estimate());
+}
+
+void Admission::learn(const v1::CreateJobRequest& request, const v1::Estimate& estimate) {
+  estimates_.remember(cost_key(request.surface(), request.spec()), estimate);
+}
+
+v1::ValidateJobResponse Admission::validate(const Caller& caller, const v1::ValidateJobRequest& request,
+                                            const std::atomic<bool>& cancelled) {
+  check_surface(caller, request.surface());
+  v1::ValidateJobResponse response;
+  v1::MeshSpec spec;
+  try {
+    spec = checked_spec(spec_in(request));
+  } catch (const MeshError& error) {
+    if (error.failure() != Failure::InvalidInput) throw;
+    *response.add_findings() = to_wire(error.diagnostic());
+    return response;
+  }
+  Checked checked = checker_.check({request.surface(), spec, options_.threads, CheckDepth::All}, cancelled);
+  if (checked.error && checked.error->code() != grpc::StatusCode::RESOURCE_EXHAUSTED) throw JobRefused(std::move(*checked.error));
+  response = std::move(checked.report);
+  if (checked.error) {
+    response.set_acceptable(false);
+    *response.add_findings() = std::move(*checked.error->mutable_diagnostic());
+  }
+  if (response.has_estimate()) estimates_.remember(cost_key(request.surface(), spec), response.estimate());
+  *response.mutable_effective_spec() = std::move(spec);
+  return response;
 }
 
 }  // namespace strata::server

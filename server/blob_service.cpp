@@ -60,7 +60,7 @@ class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
       static_cast<void>(upload_of(caller_, blobs_, upload_id_));
     }
     if (!request_.has_frame()) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "frame: is missing").at("frame");
-    check_frame(request_.frame(), limits_);
+    open_frame(*request_.mutable_frame(), limits_);
     blobs_.write_upload(upload_id_, request_.frame().offset(), request_.frame().data());
   }
 
@@ -96,11 +96,8 @@ class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
 
   void OnWriteDone(bool ok) override {
     if (!ok || gone_) return Finish(grpc::Status::CANCELLED);
-    if (at_ == end_) return Finish(grpc::Status::OK);
-    const grpc::Status status = status_of([&] {
-      fill_frame(*reader_, at_, end_, *response_.mutable_frame());
-      at_ += static_cast<std::int64_t>(response_.frame().data().size());
-    });
+    if (!cutter_.more()) return Finish(grpc::Status::OK);
+    const grpc::Status status = status_of([&] { cutter_.cut(*response_.mutable_frame()); });
     if (!status.ok()) return Finish(status);
     StartWrite(&response_);
   }
@@ -112,14 +109,13 @@ class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
     if (request.offset() < 0 || request.offset() > blob.size)
       throw Refusal(Refused::OutOfRange, "OFFSET_OUT_OF_RANGE", "offset must be 0 to " + std::to_string(blob.size)).at("offset");
     if (request.limit() < 0) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "limit must not be negative").at("limit");
-    reader_ = blobs.open(blob.id);
-    at_ = request.offset();
-    end_ = request.limit() == 0 ? blob.size : at_ + std::min(request.limit(), blob.size - at_);
+    const std::int64_t rest = blob.size - request.offset();
+    const std::int64_t end = request.offset() + (request.limit() == 0 ? rest : std::min(request.limit(), rest));
+    cutter_ = FrameCutter(blobs.open(blob.id), request.offset(), end, best_codec(request.accepted_codecs()));
     *response_.mutable_blob() = to_wire(blob);
   }
 
-  std::unique_ptr<BlobReader> reader_;
-  std::int64_t at_ = 0, end_ = 0;
+  FrameCutter cutter_;
   v1::ReadBlobResponse response_;
   std::atomic<bool> gone_ = false;
 };
@@ -139,6 +135,7 @@ class BlobService final : public v1::BlobService::CallbackService {
         *response->mutable_blob() = to_wire(*known);
       } else {
         response->set_upload_id(blobs_.start_upload(request->size_bytes(), request->sha256(), owner).id);
+        for (const v1::Codec codec : kCodecs) response->add_accepted_codecs(codec);
       }
     });
   }
@@ -157,6 +154,7 @@ class BlobService final : public v1::BlobService::CallbackService {
       response->set_upload_id(upload.id);
       response->set_size_bytes(upload.size);
       response->set_committed_offset(upload.committed);
+      for (const v1::Codec codec : kCodecs) response->add_accepted_codecs(codec);
       if (upload.blob) *response->mutable_blob() = to_wire(*upload.blob);
     });
   }

@@ -94,6 +94,9 @@ class BlobStore {
 // Blobs of other tenants do not exist for a caller.
 bool sees_blob(const Caller& caller, const BlobInfo& blob);
 
+// Throws Refusal NOT_FOUND.
+BlobInfo found_blob(const BlobStore& store, const std::string& id);
+
 // The whole blob in memory.
 std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob);
 

@@ -100,6 +100,9 @@ void add_flags(CLI::App& app, Config& config) {
       "STRATAD_MEMORY");
   app.add_option("--worker-program", config.worker_program)->group("");
   env(app.add_option("--queue", config.desk.queue_capacity, "Jobs that may wait")->check(CLI::Range(0, 1'000'000)), "STRATAD_QUEUE");
+  env(app.add_option("--max-cells", config.desk.admission.max_cells, "Cells of a job's octree; larger ones are coarsened; 0: no limit")
+          ->check(CLI::NonNegativeNumber),
+      "STRATAD_MAX_CELLS");
   env(app.add_option("--job-time-limit", config.desk.time_limit_seconds, "Seconds a job may run; 0: no limit")
           ->check(CLI::NonNegativeNumber),
       "STRATAD_JOB_TIME_LIMIT");
@@ -192,7 +195,8 @@ ParsedConfig parse_config(int argc, const char* const* argv) {
   if (config.memory_bytes == 0) config.memory_bytes = usable_memory();
   config.desk.threads_per_job = std::max(1, config.threads / config.slots);
   config.desk.generator = STRATA_VERSION;
-  config.desk.memory_budget_bytes = config.memory_bytes;
+  config.desk.admission.memory_budget_bytes = config.memory_bytes;
+  config.desk.admission.threads = config.desk.threads_per_job;
   if (config.isolation == Isolation::Thread) config.desk.max_starts = kMaxStartsInThreads;
   return {config, 0};
 }

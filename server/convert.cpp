@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/io/surface_io.h"
+#include "core/mesher.h"
 
 namespace strata::server {
 namespace {

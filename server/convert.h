@@ -1,13 +1,24 @@
-// Proto messages stop here: wire <-> core. No policy, no defaults but the documented ones.
+// Proto messages stop here: wire <-> core. No policy, no defaults but the documented ones. Core's types are named only: who uses one includes it.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <span>
-#include <string_view>
 
-#include "core/mesher.h"
 #include "strata/v1/job.pb.h"
+
+namespace strata {
+class MeshError;
+enum class Rung;
+enum class Stage;
+struct Diagnostic;
+struct Estimate;
+struct HexMesh;
+struct MeshSpec;
+struct Quality;
+struct StageRecord;
+struct TriangleSoup;
+}  // namespace strata
 
 namespace strata::server {
 

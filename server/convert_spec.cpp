@@ -2,6 +2,7 @@
 #include <numbers>
 #include <utility>
 
+#include "core/spec/mesh_spec.h"
 #include "server/convert.h"
 
 namespace strata::server {

@@ -327,6 +327,12 @@ void FileBlobStore::publish(const std::string& path, const BlobInfo& blob) {
 
 }  // namespace
 
+BlobInfo found_blob(const BlobStore& store, const std::string& id) {
+  auto blob = is_id(id) ? store.find(id) : std::nullopt;
+  if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "there is no such blob").at("blob_id");
+  return std::move(*blob);
+}
+
 std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob) {
   std::vector<char> bytes(static_cast<std::size_t>(blob.size));
   if (store.open(blob.id)->read(0, bytes) != bytes.size())

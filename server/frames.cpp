@@ -7,26 +7,39 @@
 
 namespace strata::server {
 
-void fill_frame(const BlobReader& reader, std::int64_t offset, std::int64_t end, v1::Frame& frame) {
-  const std::int64_t stop = std::min(end, (offset / wire::kFrameBytes + 1) * wire::kFrameBytes);
+void FrameCutter::cut(v1::Frame& frame) {
+  const std::int64_t stop = std::min(end_, (at_ / wire::kFrameBytes + 1) * wire::kFrameBytes);
   std::string& data = *frame.mutable_data();
-  data.resize(static_cast<std::size_t>(stop - offset));
-  if (reader.read(offset, data) != data.size())
-    throw Refusal(Refused::DataLoss, "BLOB_TRUNCATED", "the stored blob is shorter than it was");
-  frame.set_offset(offset);
-  frame.set_crc32c(wire::crc32c(data));
+  data.resize(static_cast<std::size_t>(stop - at_));
+  if (reader_->read(at_, data) != data.size()) throw Refusal(Refused::DataLoss, "BLOB_TRUNCATED", "the stored blob is shorter than it was");
+  frame.set_offset(at_);
+  at_ = stop;
+  wire::seal_frame(frame, choice_.next());
+  choice_.sent(frame);
 }
 
-void check_frame(const v1::Frame& frame, const WireLimits& limits) {
-  const auto size = static_cast<std::int64_t>(frame.data().size());
-  if (size == 0 || size > limits.max_frame_bytes)
-    throw Refusal(Refused::InvalidArgument, "FRAME_INVALID",
-                  "a frame has 1 to " + std::to_string(limits.max_frame_bytes) + " bytes, not " + std::to_string(size))
-        .at("frame.data");
-  if (wire::crc32c(frame.data()) != frame.crc32c())
-    throw Refusal(Refused::DataLoss, "FRAME_CRC_MISMATCH",
-                  "the frame at offset " + std::to_string(frame.offset()) + " was damaged on its way: send it again")
-        .at("frame.crc32c");
+v1::Codec best_codec(const google::protobuf::RepeatedField<int>& accepted) {
+  const bool zstd = std::find(accepted.begin(), accepted.end(), v1::CODEC_ZSTD) != accepted.end();
+  return zstd ? v1::CODEC_ZSTD : v1::CODEC_UNSPECIFIED;
+}
+
+void open_frame(v1::Frame& frame, const WireLimits& limits) {
+  switch (wire::open_frame(frame, limits.max_frame_bytes)) {
+    case wire::FrameFault::None: return;
+    case wire::FrameFault::Size:
+      throw Refusal(Refused::InvalidArgument, "FRAME_INVALID",
+                    "a frame has 1 to " + std::to_string(limits.max_frame_bytes) + " bytes, packed and plain, not " +
+                        std::to_string(std::max<std::int64_t>(static_cast<std::int64_t>(frame.data().size()), frame.decoded_size())))
+          .at("frame.data");
+    case wire::FrameFault::Codec:
+      throw Refusal(Refused::Unimplemented, "CODEC_UNSUPPORTED",
+                    "frames packed with codec " + std::to_string(frame.codec()) + " cannot be read here: send them as they are")
+          .at("frame.codec");
+    case wire::FrameFault::Damaged:
+      throw Refusal(Refused::DataLoss, "FRAME_CRC_MISMATCH",
+                    "the frame at offset " + std::to_string(frame.offset()) + " was damaged on its way: send it again")
+          .at("frame.crc32c");
+  }
 }
 
 void check_upload(std::int64_t size, const std::string& sha256, const WireLimits& limits) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "server/ids.h"
+#include "server/job_error.h"
 #include "server/refusal.h"
 #include "server/timestamps.h"
 
@@ -16,6 +17,7 @@ namespace {
 constexpr std::chrono::milliseconds kTick{100};
 constexpr int kDefaultPage = 100;
 constexpr int kMaxPage = 1000;
+constexpr std::size_t kShortQueue = 16;         // jobs; see prices_now
 constexpr double kRetrySeconds = 5;             // when nothing better is known
 constexpr double kLearning = 0.2;               // share of the newest job in what is typical
 constexpr std::int64_t kSequenceGap = 1'000'000;  // numbers that a run lost by a crash may have given to events nobody saved
@@ -26,32 +28,14 @@ Refusal no_job(const std::string& job_id) {
   return Refusal(Refused::NotFound, "JOB_NOT_FOUND", is_id(job_id) ? "there is no job " + job_id : "there is no such job").at("job_id");
 }
 
-v1::JobError error_of(int code, const std::string& reason, const std::string& message) {
-  v1::JobError error;
-  error.set_code(code);
-  error.set_reason(reason);
-  error.set_message(message);
-  error.mutable_diagnostic()->set_reason(reason);
-  error.mutable_diagnostic()->set_severity(v1::SEVERITY_ERROR);
-  error.mutable_diagnostic()->set_message(message);
-  return error;
-}
-
-v1::Job ended_badly(v1::JobState state, v1::JobError error) {
-  v1::Job job;
-  job.set_state(state);
-  *job.mutable_error() = std::move(error);
-  return job;
-}
-
 }  // namespace
 
-JobDesk::JobDesk(JobStore& jobs, BlobStore& blobs, JobRunner& runner, MesherDoor mesher, DeskOptions options)
+JobDesk::JobDesk(JobStore& jobs, BlobStore& blobs, JobRunner& runner, Checker& checker, MesherDoor mesher, DeskOptions options)
     : jobs_(jobs),
       blobs_(blobs),
       runner_(runner),
       options_(std::move(options)),
-      admission_(blobs, std::move(mesher), options_.max_inline_surface_bytes) {
+      admission_(blobs, checker, std::move(mesher), options_.admission) {
   resume_stored_jobs();
   ticker_ = std::jthread([this](const std::stop_token& stop) {
     while (!stop.stop_requested()) {
@@ -113,7 +97,15 @@ void JobDesk::store_inline_surface(const std::string& tenant, v1::CreateJobReque
   request.mutable_surface()->set_blob_id(writer->publish().id);
 }
 
-JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest request) {
+// Behind a long queue there is time enough to price a job when its turn comes; looking at each that comes would only keep the cores from the
+// jobs that run.
+bool JobDesk::prices_now() const {
+  const Lock lock(mutex_);
+  const bool must_wait = running_ + arriving_ >= runner_.slots() || queue_.size() > 0;
+  return must_wait && queue_.size() < kShortQueue;
+}
+
+JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest request, Estimating estimating) {
   const std::string fingerprint = fingerprint_of(request);
   if (auto known = known_request(caller.tenant, request.request_id(), fingerprint)) return *known;
   if (draining_) throw Refusal(Refused::Unavailable, "DRAINING", "the server is shutting down").retry_after(kRetrySeconds);
@@ -128,8 +120,9 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
     --arriving_;
   };
   try {
+    const auto cost = admission_.cost(request, prices_now() ? estimating : Estimating::Known);
     store_inline_surface(caller.tenant, request);
-    Created created = store(std::move(request), caller, fingerprint);
+    Created created = store(std::move(request), cost, caller, fingerprint);
     arrived();
     return created;
   } catch (...) {
@@ -139,7 +132,8 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
 }
 
 // Durable first, then in the queue.
-JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const Caller& caller, const std::string& fingerprint) {
+JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const std::optional<v1::Estimate>& cost, const Caller& caller,
+                                const std::string& fingerprint) {
   const std::string& tenant = caller.tenant;
   auto live = std::make_unique<Live>();
   v1::Job& job = live->stored.job;
@@ -153,6 +147,7 @@ JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const Caller& call
   *job.mutable_create_time() = timestamp_now();
   *job.mutable_spec() = request.spec();
   job.set_generator(options_.generator);
+  if (cost) *job.mutable_estimate() = *cost;
   const std::string surface = request.surface().blob_id();
   live->stored.request = std::move(request);
   live->stored.fingerprint = fingerprint;
@@ -196,9 +191,8 @@ bool JobDesk::resume(const Lock& lock, StoredJob stored) {
   const bool deadly = options_.max_starts > 0 && job.attempt() >= options_.max_starts;
   job.set_last_sequence(job.last_sequence() + kSequenceGap);
   if (deadly) {
-    job = ended(*live, ended_badly(v1::JOB_STATE_FAILED,
-                                   error_of(13, "POISON_JOB",
-                                            "the server ended " + std::to_string(job.attempt()) + " times while it ran this job")));
+    job = ended(*live, ended_badly(job_error(13, "POISON_JOB",
+                                             "the server ended " + std::to_string(job.attempt()) + " times while it ran this job")));
     v1::WatchJobResponse event;
     event.mutable_state_changed()->set_state(job.state());
     jobs_.update(job, {log(lock, *live, std::move(event))});
@@ -238,7 +232,7 @@ void JobDesk::start(const Lock& lock, Live& live) {
   ++running_;
   ++running_of_[job.tenant()];
   live.running = true;
-  live.charged = typical_cost_[job.tenant()];
+  live.charged = job.has_estimate() ? job.estimate().cpu_seconds() : typical_cost_[job.tenant()];
   queue_.charge(job.tenant(), live.charged, options_.limits_of(job.tenant()).weight);
   job.set_state(v1::JOB_STATE_RUNNING);
   job.set_threads(threads);
@@ -272,15 +266,22 @@ v1::WatchJobResponse& JobDesk::log(const Lock&, Live& live, v1::WatchJobResponse
 
 void JobDesk::happened(const std::string& job_id, v1::WatchJobResponse event) {
   std::vector<std::weak_ptr<Watcher>> watchers;
+  std::optional<v1::Estimate> cost;
+  v1::CreateJobRequest request;
   {
     const Lock lock(mutex_);
     const auto found = live_.find(job_id);
     if (found == live_.end()) return;
     Live& live = *found->second;
+    if (event.has_estimate()) {
+      cost = event.estimate();
+      request = live.stored.request;
+    }
     note(live, event);
     log(lock, live, std::move(event));
     watchers = live.watchers;
   }
+  if (cost) admission_.learn(request, *cost);
   poke(std::move(watchers));
 }
 
@@ -331,7 +332,7 @@ v1::Job JobDesk::ended(const Live& live, v1::Job result) const {
   if (live.out_of_time && result.state() == v1::JOB_STATE_CANCELLED) {
     const v1::JobError stopped = result.error();
     result.set_state(v1::JOB_STATE_FAILED);
-    *result.mutable_error() = error_of(4, "TIME_BUDGET_EXCEEDED", "the job took longer than its time limit");
+    *result.mutable_error() = job_error(4, "TIME_BUDGET_EXCEEDED", "the job took longer than its time limit");
     result.mutable_error()->set_stage(stopped.stage());
     result.mutable_error()->set_backtrace(stopped.backtrace());
   }
@@ -444,7 +445,7 @@ v1::Job JobDesk::cancel(const Caller& caller, const std::string& job_id) {
     if (Live* live = find_live(lock, caller, job_id); live != nullptr && !live->ending && !live->unsaved) {
       watchers = live->watchers;
       if (queue_.remove(job_id)) {
-        finish(lock, *live, ended_badly(v1::JOB_STATE_CANCELLED, error_of(1, "CANCELLED", "the job was cancelled before it ran")));
+        finish(lock, *live, ended_badly(job_error(1, "CANCELLED", "the job was cancelled before it ran")));
       } else {
         live->stored.job.set_cancel_requested(true);
         runner_.cancel(job_id, Stop::Cancelled);

@@ -27,13 +27,12 @@ namespace strata::server {
 struct DeskOptions {
   int queue_capacity = 1000;
   int threads_per_job = 1;
+  AdmissionOptions admission;
   double time_limit_seconds = 0;      // of every job; 0: none
-  std::int64_t max_inline_surface_bytes = std::int64_t{1} << 20;
   double result_ttl_seconds = 0;      // after the end of a job; 0: results stay until deleted
   double surface_ttl_seconds = 86400; // of blobs that no job uses; 0: they stay
   std::int64_t disk_reserve_bytes = 0;  // no new jobs when less is free
   int max_starts = 0;                 // of a job, restarts of the server included; then it counts as deadly. 0: no limit
-  std::int64_t memory_budget_bytes = 0;  // of all jobs together; for those who ask
   std::string generator;              // version written into jobs
   std::function<TenantLimits(const std::string&)> limits_of = [](const std::string&) { return TenantLimits{}; };
   std::function<std::int64_t()> wall_clock;  // seconds since 1970; empty: the system's
@@ -53,15 +52,18 @@ struct News {
 
 class JobDesk {
  public:
-  JobDesk(JobStore& jobs, BlobStore& blobs, JobRunner& runner, MesherDoor mesher, DeskOptions options);
+  JobDesk(JobStore& jobs, BlobStore& blobs, JobRunner& runner, Checker& checker, MesherDoor mesher, DeskOptions options);
   ~JobDesk();
 
   struct Created {
     v1::Job job;
     bool existing = false;
   };
-  // Durable on return. Throws Refusal or MeshError(InvalidInput).
-  Created create(const Caller& caller, v1::CreateJobRequest request);
+  // Durable on return. Throws Refusal, MeshError or JobRefused. A job that must wait is priced before it does, when `estimating` allows; one
+  // that can run at once prices itself.
+  Created create(const Caller& caller, v1::CreateJobRequest request, Estimating estimating = Estimating::Now);
+  // Would create() take its time to price a job that came now?
+  [[nodiscard]] bool prices_now() const;
   // Jobs of other tenants do not exist for a caller: NOT_FOUND.
   v1::Job get(const Caller& caller, const std::string& job_id) const;
   JobPage list(const Caller& caller, const v1::ListJobsRequest& request) const;
@@ -73,7 +75,8 @@ class JobDesk {
   // What happened after that sequence. Throws Refusal NOT_FOUND.
   News news(const std::string& job_id, std::int64_t after_sequence, bool with_progress) const;
 
-  [[nodiscard]] const Admission& admission() const { return admission_; }
+  [[nodiscard]] Admission& admission() { return admission_; }
+  [[nodiscard]] const AdmissionOptions& admission_options() const { return options_.admission; }
 
   // No new jobs from now on.
   void drain();
@@ -104,13 +107,13 @@ class JobDesk {
     std::optional<v1::WatchJobResponse> progress;  // the newest only
     std::vector<std::weak_ptr<Watcher>> watchers;
     Clock::time_point created, started;
-    double charged = 0;            // core seconds the tenant was charged with in advance
+    double charged = 0;  // core seconds the tenant was charged with in advance
     bool running = false;
     bool out_of_time = false;
     bool remove_when_done = false;
-    bool saving = false;           // the tick writes it, without the lock
-    bool ending = false;           // its end is decided and being written
-    bool unsaved = false;          // final, but the store did not take it: the tick tries again
+    bool saving = false;  // the tick writes it, without the lock
+    bool ending = false;  // its end is decided and being written
+    bool unsaved = false;  // final, but the store did not take it: the tick tries again
   };
   using Lock = std::unique_lock<std::mutex>;
 
@@ -121,7 +124,8 @@ class JobDesk {
   [[nodiscard]] std::optional<Created> known_request(const std::string& tenant, const std::string& request_id,
                                                      const std::string& fingerprint) const;
   void store_inline_surface(const std::string& tenant, v1::CreateJobRequest& request);
-  Created store(v1::CreateJobRequest request, const Caller& caller, const std::string& fingerprint);
+  Created store(v1::CreateJobRequest request, const std::optional<v1::Estimate>& cost, const Caller& caller,
+                const std::string& fingerprint);
   void schedule(const Lock& lock);
   void start(const Lock& lock, Live& live);
   void happened(const std::string& job_id, v1::WatchJobResponse event);
@@ -150,17 +154,17 @@ class JobDesk {
   BlobStore& blobs_;
   JobRunner& runner_;
   const DeskOptions options_;
-  const Admission admission_;
+  Admission admission_;
 
   mutable std::mutex mutex_;
   std::condition_variable idle_, saved_;
   std::map<std::string, std::unique_ptr<Live>> live_;
   JobQueue queue_;
   int running_ = 0;
-  int arriving_ = 0;                           // being stored
-  std::map<std::string, int> running_of_;      // tenant
-  std::map<std::string, double> typical_cost_; // tenant: core seconds of its jobs of late
-  double typical_wall_ = 10;                   // seconds of the jobs of late
+  int arriving_ = 0;  // being stored
+  std::map<std::string, int> running_of_;  // tenant
+  std::map<std::string, double> typical_cost_;  // tenant: core seconds of its jobs of late
+  double typical_wall_ = 10;  // seconds of the jobs of late
   std::atomic<bool> draining_ = false;
   bool closing_ = false;  // what is cancelled from now on was not cancelled by its owner
   std::vector<std::weak_ptr<Watcher>> watchers_;  // all, for the tick

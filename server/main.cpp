@@ -106,8 +106,11 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   const auto jobs = open_job_store(config.data_folder);
   const MesherDoor mesher = mesher_door();
   MemoryLedger memory(config.memory_bytes);
-  const auto runner = config.isolation == Isolation::Thread ? make_thread_runner(config.slots, *blobs, memory, mesher)
-                                                            : make_process_runner({config.slots, config.worker_program}, *blobs, memory);
+  const bool threads = config.isolation == Isolation::Thread;
+  const auto runner = threads ? make_thread_runner(config.slots, *blobs, memory, mesher)
+                              : make_process_runner({config.slots, config.worker_program}, *blobs, memory);
+  const auto checker =
+      threads ? make_thread_checker(*blobs, mesher, config.memory_bytes) : make_process_checker(config.worker_program, *blobs, memory);
   const auto logged = log_jobs(*runner);
   Metrics metrics;
   Tracer tracer(config.trace_file);
@@ -115,8 +118,8 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   const auto measured = metrics.measure(*traced);
   DeskOptions options = config.desk;
   options.limits_of = [&gate](const std::string& tenant) { return gate.limits_of(tenant); };
-  JobDesk desk(*jobs, *blobs, *measured, mesher, options);
-  Server server(config.server, watch_calls(metrics, tracer), gate, desk, *blobs, mesher);
+  JobDesk desk(*jobs, *blobs, *measured, *checker, mesher, options);
+  Server server(config.server, watch_calls(metrics, tracer), gate, desk, *blobs);
   if (!config.metrics_listen.empty()) metrics.serve(config.metrics_listen, desk, memory);
   for (const std::string& address : server.addresses())
     spdlog::info(R"("msg":"listening","address":"{}","slots":{},"threads_per_job":{})", address, config.slots, config.desk.threads_per_job);
@@ -139,8 +142,8 @@ int check(const Config& config) {
   std::cout << "]\ndata-dir: " << config.data_folder << "\nslots: " << config.slots << "\ncores: " << config.threads
             << "\nthreads per job: " << config.desk.threads_per_job << "\nmemory: " << config.memory_bytes
             << "\nisolation: " << (config.isolation == Isolation::Process ? "process" : "thread")
-            << "\nqueue: " << config.desk.queue_capacity << "\nresult-ttl: " << config.desk.result_ttl_seconds
-            << "\nauth: " << (gate.open() ? "none" : config.auth_file) << "\n";
+            << "\nmax cells: " << config.desk.admission.max_cells << "\nqueue: " << config.desk.queue_capacity
+            << "\nresult-ttl: " << config.desk.result_ttl_seconds << "\nauth: " << (gate.open() ? "none" : config.auth_file) << "\n";
   return 0;
 }
 

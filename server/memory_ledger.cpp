@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "core/base/diagnostic.h"
+
 namespace strata::server {
 namespace {
 
@@ -35,20 +37,23 @@ std::int64_t usable_memory() {
   return std::max(least - kServerReserve, kLeast);
 }
 
+void refuse_what_never_fits(std::int64_t bytes, std::int64_t budget) {
+  if (budget == 0 || bytes <= budget) return;
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::MemoryBudgetExceeded;
+  diagnostic.values = {{"needed_bytes", static_cast<double>(bytes)}, {"budget_bytes", static_cast<double>(budget)}};
+  diagnostic.message = "the mesh would need about " + std::to_string(bytes / kMiB) + " MiB, the server has " +
+                       std::to_string(budget / kMiB) + " MiB for jobs: ask for larger cells";
+  throw MeshError(Failure::LimitExceeded, std::move(diagnostic));
+}
+
 std::int64_t MemoryLedger::reserved() const {
   const std::lock_guard lock(mutex_);
   return sum_;
 }
 
 bool MemoryLedger::try_reserve(const std::string& job_id, std::int64_t bytes) {
-  if (bytes > budget_) {
-    Diagnostic diagnostic;
-    diagnostic.reason = Reason::MemoryBudgetExceeded;
-    diagnostic.values = {{"needed_bytes", static_cast<double>(bytes)}, {"budget_bytes", static_cast<double>(budget_)}};
-    diagnostic.message = "the mesh would need about " + std::to_string(bytes / kMiB) + " MiB, the server has " +
-                         std::to_string(budget_ / kMiB) + " MiB for jobs: ask for larger cells";
-    throw MeshError(Failure::LimitExceeded, std::move(diagnostic));
-  }
+  refuse_what_never_fits(bytes, budget_);
   const std::lock_guard lock(mutex_);
   std::int64_t& mine = reserved_[job_id];
   if (sum_ - mine + bytes > budget_) return false;

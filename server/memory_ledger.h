@@ -6,12 +6,14 @@
 #include <mutex>
 #include <string>
 
-#include "core/mesher.h"
-
 namespace strata::server {
 
 // What a job with this estimate is given before it counts as out of hand: estimates are crude, and killing a good job is dear.
 std::int64_t memory_limit_for(std::int64_t estimated_bytes);
+
+// Throws MeshError(LimitExceeded, MemoryBudgetExceeded), with the figures, when a job that needs `bytes` could not even run alone. A budget of 0
+// is none.
+void refuse_what_never_fits(std::int64_t bytes, std::int64_t budget);
 
 // Memory this process and its children may use: the limit of its cgroup or what the machine has available, less a reserve for the server.
 std::int64_t usable_memory();

@@ -4,12 +4,13 @@
 
 #include <chrono>
 #include <new>
-#include <string_view>
 #include <utility>
 
 #include "core/base/parallel.h"
 #include "core/io/mesh_io.h"
+#include "core/mesher.h"
 #include "server/convert.h"
+#include "server/job_error.h"
 #include "server/progress_meter.h"
 #include "server/refusal.h"
 
@@ -120,24 +121,6 @@ void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, 
   artifacts.hand_over(job);
 }
 
-// A job that ends badly keeps nothing of a result.
-void fail(v1::Job& job, v1::JobError error) {
-  job.Clear();
-  job.set_state(error.code() == 1 ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_FAILED);
-  *job.mutable_error() = std::move(error);
-}
-
-v1::JobError internal_error(std::string_view reason, int code, const std::string& message) {
-  v1::JobError error;
-  error.set_code(code);
-  error.set_reason(std::string(reason));
-  error.set_message(message);
-  error.mutable_diagnostic()->set_reason(error.reason());
-  error.mutable_diagnostic()->set_severity(v1::SEVERITY_ERROR);
-  error.mutable_diagnostic()->set_message(message);
-  return error;
-}
-
 double seconds(const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); }
 
 rusage process_usage() {
@@ -153,13 +136,13 @@ void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesh
     with_threads(order.threads, [&] { produce(order, blobs, mesher, context, observer, sink, job); });
     job.set_state(v1::JOB_STATE_SUCCEEDED);
   } catch (const MeshError& error) {
-    fail(job, to_wire(error));
+    job = ended_badly(to_wire(error));  // nothing of a result stays
   } catch (const Refusal& refusal) {
-    fail(job, internal_error(refusal.reason, refusal.kind == Refused::ResourceExhausted ? 8 : 13, refusal.what()));
+    job = ended_badly(job_error(refusal.kind == Refused::ResourceExhausted ? 8 : 13, refusal.reason, refusal.what()));
   } catch (const std::bad_alloc&) {
-    fail(job, internal_error("MEMORY_BUDGET_EXCEEDED", 8, "the job needs more memory than there is: ask for larger cells"));
+    job = ended_badly(job_error(8, "MEMORY_BUDGET_EXCEEDED", "the job needs more memory than there is: ask for larger cells"));
   } catch (const std::exception& error) {
-    fail(job, internal_error("INTERNAL", 13, std::string("unexpected failure: ") + error.what()));
+    job = ended_badly(job_error(13, "INTERNAL", std::string("unexpected failure: ") + error.what()));
   }
 }
 

@@ -9,6 +9,10 @@
 #include "server/mesher_door.h"
 #include "strata/v1/job.pb.h"
 
+namespace strata {
+struct Estimate;
+}
+
 namespace strata::server {
 
 struct JobOrder {

@@ -1,9 +1,20 @@
-// The doors of core that the service uses, as values, so that tests can put another mesher behind the service.
+// The doors into core as values, so that tests can put another mesher behind the service. Names its types only: most of the server passes the
+// doors on and need not know what goes through them.
 #pragma once
 
 #include <functional>
+#include <string>
+#include <vector>
 
-#include "core/mesher.h"
+namespace strata {
+class Context;
+struct CheckReport;
+struct Diagnostic;
+struct MeshSpec;
+struct Observer;
+struct Outcome;
+struct TriangleSoup;
+}  // namespace strata
 
 namespace strata::server {
 

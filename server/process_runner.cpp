@@ -1,13 +1,8 @@
-#include <poll.h>
 #include <spdlog/spdlog.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <csignal>
-#include <cstring>
 #include <deque>
 #include <map>
 #include <mutex>
@@ -15,14 +10,14 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/diagnostic.h"
 #include "server/backtrace.h"
-#include "server/child_process.h"
 #include "server/convert.h"
+#include "server/job_error.h"
 #include "server/job_log.h"
 #include "server/job_runner.h"
-#include "server/pipe_messages.h"
 #include "server/refusal.h"
-#include "server/worker.h"
+#include "server/worker_process.h"
 #include "strata/worker/v1/worker.pb.h"
 
 namespace strata::server {
@@ -31,10 +26,8 @@ namespace {
 namespace wire = strata::worker::v1;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kLook{20};          // between looks at cancellation and memory
 constexpr std::chrono::milliseconds kPatience{500};     // from cancel to kill: the promise is a second
 constexpr std::chrono::milliseconds kForBacktrace{200}; // of a worker that is out of time
-constexpr std::size_t kErrorsKept = std::size_t{64} << 10;
 constexpr int kMaxAttempts = 2;
 constexpr std::int64_t kLeastMemory = std::int64_t{1} << 30;
 
@@ -50,21 +43,7 @@ using StopFlag = std::atomic<int>;
 double seconds(const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); }
 
 v1::Job failed_job(int code, const std::string& reason, const std::string& message) {
-  v1::Job job;
-  job.set_state(code == 1 ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_FAILED);
-  v1::JobError& error = *job.mutable_error();
-  error.set_code(code);
-  error.set_reason(reason);
-  error.set_message(message);
-  error.mutable_diagnostic()->set_reason(reason);
-  error.mutable_diagnostic()->set_severity(v1::SEVERITY_ERROR);
-  error.mutable_diagnostic()->set_message(message);
-  return job;
-}
-
-std::string how_it_ended(int status) {
-  if (!WIFSIGNALED(status)) return "exit status " + std::to_string(WEXITSTATUS(status));
-  return "signal " + std::to_string(WTERMSIG(status)) + " (" + strsignal(WTERMSIG(status)) + ")";
+  return ended_badly(job_error(code, reason, message));
 }
 
 // One worker process and what it is told and tells.
@@ -78,7 +57,7 @@ class Attempt {
         stop_(stop),
         folder_(blobs.stage(task.order.job_id + "-" + std::to_string(number))),
         started_(Clock::now()),
-        child_(program, {"stratad", kWorkerFlag, std::to_string(getpid())}),
+        worker_(program),
         memory_limit_(memory_limit) {}
   ~Attempt() {
     blobs_.unstage(folder_);
@@ -89,10 +68,9 @@ class Attempt {
 
   v1::Job run() {
     send_order();
-    while (look()) wait_a_little();
-    const ChildEnd end = child_.wait();
-    take(child_.errors(), [this](std::string_view bytes) { keep_errors(bytes); });
-    v1::Job job = result_ && !killed_ ? adopt() : judge(end.status);
+    while (look()) worker_.wait_a_little();
+    const ChildEnd end = worker_.end();
+    v1::Job job = result_ && !killed_ ? adopt() : judge(end);
     add_usage(end, job);
     return job;
   }
@@ -113,47 +91,18 @@ class Attempt {
     order.set_surface_bytes(blobs_.find(surface)->size);
     order.set_staging_folder(folder_);
     order.set_memory_limit_bytes(memory_limit_);
-    static_cast<void>(write_message(child_.input(), command));  // a worker that is gone already is noticed by look()
-  }
-
-  void wait_a_little() const {
-    pollfd files[] = {{child_.output(), POLLIN, 0}, {child_.errors(), POLLIN, 0}};
-    poll(files, 2, static_cast<int>(kLook.count()));
-  }
-
-  // Reads until there is nothing more now; false at the end of the stream.
-  template <class Sink>
-  static bool take(int fd, const Sink& sink) {
-    char buffer[1 << 16];
-    while (true) {
-      const ssize_t n = read(fd, buffer, sizeof buffer);
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) return true;
-      if (n == 0) return false;
-      sink(std::string_view(buffer, static_cast<std::size_t>(n)));
-    }
-  }
-
-  void keep_errors(std::string_view bytes) {
-    errors_ += bytes;
-    if (errors_.size() > 2 * kErrorsKept) errors_.erase(0, errors_.size() - kErrorsKept);
+    worker_.tell(command);
   }
 
   // False when the worker is done.
   bool look() {
-    take(child_.errors(), [this](std::string_view bytes) { keep_errors(bytes); });
-    const bool open = take(child_.output(), [this](std::string_view bytes) { reports_.add(bytes); });
-    while (const auto bytes = reports_.next()) hear(*bytes);
-    if (reports_.damaged()) child_.kill(SIGKILL);
-    if (!open) return false;
+    if (!worker_.look([this](wire::Report& report) { hear(report); })) return false;
     heed_stop();
     if (asked_) grant_when_there_is_room();
     return true;
   }
 
-  void hear(const std::string& bytes) {
-    wire::Report report;
-    if (!report.ParseFromString(bytes)) return child_.kill(SIGKILL);
+  void hear(wire::Report& report) {
     if (report.has_event()) {
       if (report.event().has_progress()) stage_ = report.event().progress().stage();
       task_.on_event(std::move(*report.mutable_event()));
@@ -168,12 +117,12 @@ class Attempt {
     } catch (const MeshError& error) {
       refused_ = to_wire(error);
       killed_ = true;
-      return child_.kill(SIGKILL);
+      return worker_.kill();
     }
     wire::Command command;
     memory_limit_ = std::max(memory_limit_, std::min(memory_limit_for(*asked_), memory_.budget()));
     command.mutable_grant()->set_memory_limit_bytes(memory_limit_);
-    static_cast<void>(write_message(child_.input(), command));
+    worker_.tell(command);
     asked_.reset();
   }
 
@@ -184,17 +133,17 @@ class Attempt {
       told_ = now;
       wire::Command command;
       command.mutable_cancel();
-      static_cast<void>(write_message(child_.input(), command));
+      worker_.tell(command);
       return;
     }
     if (now - *told_ < kPatience) return;
     if (stop_ == 1 + static_cast<int>(Stop::OutOfTime) && !asked_where_) {
       asked_where_ = now;
-      return child_.kill_main_thread(SIGUSR1);
+      return worker_.ask_where();
     }
     if (asked_where_ && now - *asked_where_ < kForBacktrace) return;
     killed_ = true;
-    child_.kill(SIGKILL);
+    worker_.kill();
   }
 
   // The results of a worker that finished.
@@ -211,22 +160,22 @@ class Attempt {
   }
 
   // A worker that ended without a result.
-  v1::Job judge(int status) {
+  v1::Job judge(const ChildEnd& end) {
     v1::Job job;
     if (refused_) {
       job.set_state(v1::JOB_STATE_FAILED);
       *job.mutable_error() = *refused_;
     } else if (stop_ != 0) {
       job = failed_job(1, "CANCELLED", "the run was cancelled");
-      if (asked_where_) job.mutable_error()->set_backtrace(backtrace_in(errors_));
-    } else if (WIFEXITED(status) && WEXITSTATUS(status) == kOutOfMemoryExit) {
+      if (asked_where_) job.mutable_error()->set_backtrace(backtrace_in(worker_.errors()));
+    } else if (ran_out_of_memory(end)) {
       out_of_memory_ = crashed_ = memory_limit_ < memory_.budget();
       job = failed_job(8, "MEMORY_BUDGET_EXCEEDED",
                        "the job needed more than " + std::to_string(memory_limit_ >> 20) + " MiB of memory: ask for larger cells");
     } else {
       crashed_ = true;
-      job = failed_job(13, "WORKER_CRASHED", "the worker process of the job ended by " + how_it_ended(status) + in_stage());
-      job.mutable_error()->set_backtrace(backtrace_in(errors_));
+      job = failed_job(13, "WORKER_CRASHED", "the worker process of the job ended by " + how_it_ended(end) + in_stage());
+      job.mutable_error()->set_backtrace(backtrace_in(worker_.errors()));
     }
     job.mutable_error()->set_stage(stage_);
     return job;
@@ -249,10 +198,8 @@ class Attempt {
   const StopFlag& stop_;
   const std::string folder_;
   const Clock::time_point started_;
-  ChildProcess child_;
+  WorkerProcess worker_;
   std::int64_t memory_limit_;
-  MessageSplitter reports_;
-  std::string errors_;
   v1::Stage stage_ = v1::STAGE_UNSPECIFIED;
   std::optional<std::int64_t> asked_;  // memory, not granted yet
   std::optional<Clock::time_point> told_, asked_where_;

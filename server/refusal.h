@@ -18,6 +18,7 @@ enum class Refused {
   DataLoss,
   Unauthenticated,
   PermissionDenied,
+  Unimplemented,
 };
 
 class Refusal : public std::runtime_error {

@@ -75,11 +75,11 @@ void check_options(const ServerOptions& options) {
       throw std::runtime_error(address + " is reachable from other machines: give --tls-cert and --tls-key, or say --insecure");
 }
 
-Server::Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher)
+Server::Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, JobDesk& desk, BlobStore& blobs)
     : parts_(std::make_unique<Parts>()) {
   check_options(options);
   const bool tls = uses_tls(options);
-  parts_->jobs = make_job_service(gate, desk, blobs, mesher, options.limits);
+  parts_->jobs = make_job_service(gate, desk, blobs, options.limits);
   parts_->blobs = make_blob_service(gate, blobs, options.limits);
   parts_->system = make_system_service(gate, desk, options.limits);
 

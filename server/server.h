@@ -33,7 +33,7 @@ void check_options(const ServerOptions& options);
 class Server {
  public:
   using CallWatchers = std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>>;
-  Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, JobDesk& desk, BlobStore& blobs, const MesherDoor& mesher);
+  Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, JobDesk& desk, BlobStore& blobs);
   ~Server();
 
   // The addresses clients can use; ports filled in.

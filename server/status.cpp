@@ -35,6 +35,7 @@ grpc::StatusCode code_of(Refused kind) {
     case Refused::DataLoss: return grpc::StatusCode::DATA_LOSS;
     case Refused::Unauthenticated: return grpc::StatusCode::UNAUTHENTICATED;
     case Refused::PermissionDenied: return grpc::StatusCode::PERMISSION_DENIED;
+    case Refused::Unimplemented: return grpc::StatusCode::UNIMPLEMENTED;
   }
   return grpc::StatusCode::INTERNAL;
 }

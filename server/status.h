@@ -6,6 +6,7 @@
 #include <new>
 
 #include "core/base/diagnostic.h"
+#include "server/job_error.h"
 #include "server/refusal.h"
 #include "strata/v1/job.pb.h"
 
@@ -28,6 +29,8 @@ grpc::Status status_of(const Body& body) {
     return to_status(error);
   } catch (const Refusal& refusal) {
     return to_status(refusal);
+  } catch (const JobRefused& refused) {
+    return to_status(refused.error);
   } catch (const std::bad_alloc&) {
     return to_status(Refusal(Refused::ResourceExhausted, "OUT_OF_MEMORY", "the server is short of memory").retry_after(10));
   } catch (const std::exception& error) {

@@ -6,6 +6,7 @@
 
 #include "core/base/stage.h"
 #include "server/convert.h"
+#include "server/frames.h"
 #include "server/services.h"
 #include "server/status.h"
 #include "strata/v1/system.grpc.pb.h"
@@ -36,17 +37,18 @@ class SystemService final : public v1::SystemService::CallbackService {
     for (int f = v1::SurfaceFormat_MIN + 1; f <= v1::SurfaceFormat_MAX; ++f)
       response->add_surface_formats(static_cast<v1::SurfaceFormat>(f));
     for (int f = v1::OutputFormat_MIN + 1; f <= v1::OutputFormat_MAX; ++f) response->add_output_formats(static_cast<v1::OutputFormat>(f));
+    for (const v1::Codec codec : kCodecs) response->add_codecs(codec);
     for (int s = 0; s < kStageCount; ++s) response->add_stages(to_wire(static_cast<Stage>(s)));
     v1::Limits& limits = *response->mutable_limits();
     limits.set_max_message_bytes(limits_.max_message_bytes);
-    limits.set_max_inline_surface_bytes(desk_.admission().max_inline_surface_bytes());
+    limits.set_max_inline_surface_bytes(desk_.admission_options().max_inline_surface_bytes);
     limits.set_max_upload_bytes(limits_.max_upload_bytes);
     limits.set_max_frame_bytes(limits_.max_frame_bytes);
     limits.set_slots(desk_.slots());
     limits.set_threads_per_job(desk_.options().threads_per_job);
     limits.set_queue_capacity(desk_.options().queue_capacity);
     limits.set_result_ttl_seconds(desk_.options().result_ttl_seconds);
-    limits.set_memory_budget_bytes(desk_.options().memory_budget_bytes);
+    limits.set_memory_budget_bytes(desk_.admission_options().memory_budget_bytes);
     response->set_draining(desk_.draining());
     return done(context, grpc::Status::OK);
   }

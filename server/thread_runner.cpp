@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/mesher.h"
 #include "server/job_runner.h"
 
 namespace strata::server {

@@ -15,9 +15,11 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
-#include "core/base/diagnostic.h"
+#include "core/mesher.h"
 #include "server/backtrace.h"
+#include "server/check_run.h"
 #include "server/convert.h"
 #include "server/mesh_job.h"
 #include "server/pipe_messages.h"
@@ -126,24 +128,14 @@ class Orders {
   std::thread thread_;
 };
 
+// Reports go up; when nobody takes them any more, there is nothing left to do.
+void tell(const wire::Report& report) {
+  if (!write_message(STDOUT_FILENO, report)) _exit(0);
+}
+
 JobOrder order_of(wire::Order& order) { return {order.job_id(), std::move(*order.mutable_request()), order.threads(), {}, {}, 0}; }
 
-}  // namespace
-
-bool is_worker(int argc, const char* const* argv) { return argc == 3 && std::string(argv[1]) == kWorkerFlag; }
-
-int worker_main(const MesherDoor& mesher, const char* const* argv) {
-  if (!settle(static_cast<pid_t>(std::atoi(argv[2])))) return 1;
-  wire::Command command;
-  if (!read_message(STDIN_FILENO, command) || !command.has_order()) return 1;
-  wire::Order& order = *command.mutable_order();
-  limit_memory(order.memory_limit_bytes());
-  // The server looks from here on; static, because its thread listens until the process ends.
-  static Orders orders(STDIN_FILENO);
-
-  const auto tell = [](const wire::Report& report) {
-    if (!write_message(STDOUT_FILENO, report)) _exit(0);
-  };
+void mesh(wire::Order& order, Orders& orders, const MesherDoor& mesher) {
   BlobInfo surface;
   surface.id = order.request().surface().blob_id();
   surface.size = order.surface_bytes();
@@ -162,6 +154,40 @@ int worker_main(const MesherDoor& mesher, const char* const* argv) {
   wire::Report report;
   *report.mutable_result()->mutable_job() = run_mesh_job(order_of(order), blobs, mesher, orders.cancelled(), gate, sink);
   tell(report);
+}
+
+std::vector<char> bytes_of(const wire::Check& check) {
+  if (check.surface().has_data()) return {check.surface().data().begin(), check.surface().data().end()};
+  std::vector<char> bytes(static_cast<std::size_t>(check.surface_bytes()));
+  if (open_file(check.surface_path())->read(0, bytes) != bytes.size())
+    throw Refusal(Refused::DataLoss, "BLOB_TRUNCATED", "the stored surface is shorter than it was");
+  return bytes;
+}
+
+void look(wire::Check& check, const Orders& orders, const MesherDoor& mesher) {
+  const CheckOrder order{check.surface(), std::move(*check.mutable_spec()), check.threads(),
+                         check.cost_only() ? CheckDepth::Cost : CheckDepth::All};
+  Checked checked = run_check(order, [&] { return bytes_of(check); }, check.memory_budget_bytes(), mesher, orders.cancelled());
+  wire::Report report;
+  *report.mutable_checked()->mutable_report() = std::move(checked.report);
+  if (checked.error) *report.mutable_checked()->mutable_error() = std::move(*checked.error);
+  tell(report);
+}
+
+}  // namespace
+
+bool is_worker(int argc, const char* const* argv) { return argc == 3 && std::string(argv[1]) == kWorkerFlag; }
+
+int worker_main(const MesherDoor& mesher, const char* const* argv) {
+  if (!settle(static_cast<pid_t>(std::atoi(argv[2])))) return 1;
+  wire::Command command;
+  if (!read_message(STDIN_FILENO, command)) return 1;
+  if (!command.has_order() && !command.has_check()) return 1;
+  limit_memory(command.has_order() ? command.order().memory_limit_bytes() : command.check().memory_limit_bytes());
+  // The server looks from here on; static, because its thread listens until the process ends.
+  static Orders orders(STDIN_FILENO);
+  if (command.has_order()) mesh(*command.mutable_order(), orders, mesher);
+  else look(*command.mutable_check(), orders, mesher);
   return 0;
 }
 

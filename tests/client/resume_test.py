@@ -6,7 +6,8 @@ import unittest
 
 from support import *
 
-SEEDS = 170 if os.environ.get("STRATA_LONG") == "1" else 2  # three or four cuts each
+PACKINGS = ("never", "always")
+SEEDS = 340 if os.environ.get("STRATA_LONG") == "1" else 4  # three or four cuts each
 
 
 class Resume(Case):
@@ -38,13 +39,40 @@ class Resume(Case):
 
     def test_a_download_survives_cuts(self):
         for seed in range(SEEDS):
-            with self.subTest(seed=seed):
-                proxy = self.proxy(seed=seed, cuts=3, span=(1000, 1500000))
+            packing = PACKINGS[seed % 2]
+            with self.subTest(seed=seed, packing=packing):
+                proxy = self.proxy(seed=seed, cuts=3, span=(1000, 1500000 if packing == "never" else 500000))
                 out = self.folder / f"{seed}.mesh"
-                self.expect(run("--server", proxy.address, "get", self.job, "-o", out), 0)
+                self.expect(run("--server", proxy.address, "--compress", packing, "get", self.job, "-o", out), 0)
                 self.assertEqual(digest(out), self.digest)
                 self.assertGreater(proxy.broken, 0)
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), sorted(f"{n}.mesh" for n in range(SEEDS)), "no parts are left")
+
+    def test_packing_saves_what_it_can_and_nothing_is_packed_on_one_machine(self):
+        down, up = {}, {}
+        for n, packing in enumerate(("auto", "never", "always")):
+            proxy = self.proxy()
+            out = self.folder / "a.mesh"
+            self.expect(run("--server", proxy.address, "--compress", packing, "get", self.job, "-o", out), 0)
+            self.assertEqual(digest(out), self.digest)
+            down[packing] = proxy.down
+            surface = write_binary_stl(self.folder / f"{n}.stl", self.triangles[100 + n:] + self.triangles[:100 + n])
+            proxy = self.proxy()
+            job = self.expect(run("--server", proxy.address, "--compress", packing, "submit", surface, "--spec", self.coarse), 0).stdout.strip()
+            self.expect(self.server.run("cancel", job), 0)
+            up[packing] = proxy.up
+        self.assertLess(down["always"], 0.6 * self.size)
+        self.assertGreater(down["never"], self.size)
+        self.assertGreater(down["auto"], self.size, "the server is on this machine")
+        self.assertLess(up["always"], 0.9 * up["never"])
+
+    def test_a_download_may_change_its_packing_where_it_goes_on(self):
+        proxy = self.proxy(cuts=1, span=(1200000, 1200000))
+        out = self.folder / "a.mesh"
+        self.expect(run("--server", proxy.address, "--retry", "0", "--compress", "never", "get", self.job, "-o", out), 6)
+        self.assertGreater((self.folder / "a.mesh.part").stat().st_size, 0)
+        self.expect(self.server.run("--compress", "always", "get", self.job, "-o", out), 0)
+        self.assertEqual(digest(out), self.digest)
 
     def test_a_killed_download_is_continued(self):
         proxy = self.proxy(cuts=1000, span=(self.size // 2 + 1000, self.size // 2 + 1000), stall=True)
@@ -88,8 +116,9 @@ class Resume(Case):
                 # Another surface each time: a known one is not sent again.
                 surface = write_binary_stl(self.folder / f"{seed}.stl", self.triangles[seed:] + self.triangles[:seed])
                 self.assertGreater(surface.stat().st_size, 2.5e6)
-                proxy = self.proxy(seed=seed, cuts=3, span=(1000, 1500000))
-                result = self.expect(run("--server", proxy.address, "submit", surface, "--spec", self.coarse), 0)
+                packing = PACKINGS[seed % 2]
+                proxy = self.proxy(seed=seed, cuts=3, span=(1000, 1500000 if packing == "never" else 700000))
+                result = self.expect(run("--server", proxy.address, "--compress", packing, "submit", surface, "--spec", self.coarse), 0)
                 self.assertGreater(proxy.broken, 0)
                 job = result.stdout.strip()
                 self.expect(self.server.run("cancel", job), 0)

@@ -1,4 +1,5 @@
 #include "server/convert.h"
+#include "core/mesher.h"
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>

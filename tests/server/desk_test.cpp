@@ -78,6 +78,98 @@ TEST_F(Desk, AJobThatWouldNeedMoreMemoryThanThereIsFailsBeforeItIsMeshed) {
   EXPECT_EQ(job.error().code(), 8);
 }
 
+// Admission: what must wait is priced first, and what could never run does not wait.
+class Priced : public Desk {
+ protected:
+  void SetUp() override {
+    TestOptions options;
+    options.desk.admission.memory_budget_bytes = 1000;
+    start(options);
+    mesher_.hold();
+    mesher_.needed_memory = 500;
+    create(tetrahedron_job());
+    ASSERT_TRUE(within(5s, [&] { return desk_->load().running == 1; }));
+  }
+  grpc::Status submit(const v1::CreateJobRequest& request, v1::Job* job = nullptr) {
+    grpc::ClientContext context;
+    v1::CreateJobResponse response;
+    const grpc::Status status = job_stub_->CreateJob(&context, request, &response);
+    if (job != nullptr) *job = response.job();
+    return status;
+  }
+  // Costs nothing that is known yet.
+  static v1::CreateJobRequest other_job(double size) {
+    v1::CreateJobRequest request = tetrahedron_job();
+    request.mutable_spec()->mutable_sizing()->set_max_size(size);
+    return request;
+  }
+};
+
+TEST_F(Priced, AWaitingJobCarriesItsEstimate) {
+  v1::Job job;
+  ASSERT_TRUE(submit(other_job(0.3), &job).ok());
+  EXPECT_EQ(job.state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(job.estimate().memory_bytes(), 500);
+  EXPECT_EQ(job.estimate().triangles(), 4);
+}
+
+TEST_F(Priced, AJobThatNoWorkerCouldEverRunIsRefusedWithTheFigures) {
+  mesher_.needed_memory = std::int64_t{3} << 20;
+  const grpc::Status status = submit(other_job(0.3));
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(reason_of(status), "MEMORY_BUDGET_EXCEEDED");
+  EXPECT_NE(status.error_message().find("3 MiB"), std::string::npos) << status.error_message();
+  EXPECT_EQ(retry_of(status), 0) << "coming back does not help";
+  EXPECT_EQ(desk_->load().queued, 0);
+  EXPECT_EQ(submit(other_job(0.3)).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+}
+
+TEST_F(Priced, ValidateRefusesTheSame) {
+  mesher_.needed_memory = std::int64_t{3} << 20;
+  v1::ValidateJobRequest request;
+  *request.mutable_surface() = tetrahedron_job().surface();
+  v1::ValidateJobResponse response;
+  grpc::ClientContext context;
+  ASSERT_TRUE(job_stub_->ValidateJob(&context, request, &response).ok());
+  EXPECT_FALSE(response.acceptable());
+  ASSERT_EQ(response.findings_size(), 1);
+  EXPECT_EQ(response.findings(0).reason(), "MEMORY_BUDGET_EXCEEDED");
+  EXPECT_EQ(response.findings(0).values().at("budget_bytes"), 1000);
+}
+
+TEST_F(Priced, WhatARunFoundOutIsRememberedAndALongQueueIsNotPriced) {
+  v1::Job job;
+  ASSERT_TRUE(submit(tetrahedron_job(), &job).ok());
+  EXPECT_TRUE(job.has_estimate()) << "the first of its kind told while it ran";
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(submit(other_job(0.1 + 0.01 * i), &job).ok());
+  EXPECT_FALSE(job.has_estimate());
+}
+
+TEST_F(Priced, OneCallIsPricedToo) {
+  mesher_.needed_memory = std::int64_t{3} << 20;
+  grpc::ClientContext context;
+  const auto stream = job_stub_->GenerateMesh(&context);
+  v1::GenerateMeshRequest open;
+  *open.mutable_open()->mutable_job() = other_job(0.4);
+  stream->Write(open);
+  stream->WritesDone();
+  v1::GenerateMeshResponse response;
+  EXPECT_FALSE(stream->Read(&response));
+  EXPECT_EQ(reason_of(stream->Finish()), "MEMORY_BUDGET_EXCEEDED");
+}
+
+TEST_F(Desk, TheServersLimitOfCellsIsInEverySpecification) {
+  TestOptions options;
+  options.desk.admission.max_cells = 1000;
+  start(options);
+  v1::CreateJobRequest request = tetrahedron_job();
+  EXPECT_EQ(create(request).spec().sizing().max_cells(), 1000);
+  request.mutable_spec()->mutable_sizing()->set_max_cells(50);
+  EXPECT_EQ(create(request).spec().sizing().max_cells(), 50);
+  request.mutable_spec()->mutable_sizing()->set_max_cells(5000);
+  EXPECT_EQ(create(request).spec().sizing().max_cells(), 1000);
+}
+
 TEST_F(Desk, UrgentJobsOvertake) {
   TestOptions options;
   start(options);
@@ -110,7 +202,7 @@ TEST_F(Desk, UnfinishedJobsGoOnUnderANewDeskWithGrowingSequences) {
   desk_.reset();  // interrupts: the job stays RUNNING in the store
   ASSERT_EQ(jobs_->find(id)->job.state(), v1::JOB_STATE_RUNNING);
   mesher_.release();
-  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, mesher_.door(), DeskOptions{});
+  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, *checker_, mesher_.door(), DeskOptions{});
   EXPECT_TRUE(within(10s, [&] { return desk_->get(Caller{}, id).state() == v1::JOB_STATE_SUCCEEDED; }));
   EXPECT_TRUE(within(10s, [&] { return desk_->get(Caller{}, waiting).state() == v1::JOB_STATE_SUCCEEDED; }));
   EXPECT_GT(desk_->get(Caller{}, id).last_sequence(), before);
@@ -128,7 +220,7 @@ TEST_F(Desk, AJobThatEndsTheServerEachTimeIsNotStartedForEver) {
   desk_.reset();
   DeskOptions options;
   options.max_starts = 10;
-  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, mesher_.door(), options);
+  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, *checker_, mesher_.door(), options);
   const v1::Job job = desk_->get(Caller{}, poison.job.job_id());
   EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(job.error().reason(), "POISON_JOB");

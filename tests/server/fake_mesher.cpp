@@ -5,6 +5,8 @@
 #include <thread>
 #include <utility>
 
+#include "core/mesher.h"
+
 namespace strata::server {
 namespace {
 

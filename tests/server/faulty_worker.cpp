@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/mesher.h"
 #include "server/worker.h"
 #include "tests/server/fake_mesher.h"
 
@@ -38,6 +39,9 @@ void ask_for(std::size_t bytes) {
 
 Outcome misbehave(const TriangleSoup& soup, const MeshSpec& spec, Context& context, const Observer& observer) {
   const std::string& what = soup.patch_names.front();
+  if (what == "segv_at_once") break_down_here(SIGSEGV);
+  if (what == "loop_at_once") loop_for_ever();
+  if (what == "allocate_at_once") ask_for(std::size_t{100} << 30);
   Estimate estimate;
   estimate.memory_bytes = what == "greedy" ? std::int64_t{1} << 50 : std::int64_t{1} << 20;
   observer.on_estimate(estimate);
@@ -63,5 +67,5 @@ Outcome misbehave(const TriangleSoup& soup, const MeshSpec& spec, Context& conte
 int main(int argc, char** argv) {
   using namespace strata::server;
   if (!is_worker(argc, argv)) return 2;
-  return worker_main({misbehave, {}, {}}, argv);
+  return worker_main({misbehave, FakeMesher().door().check_request, {}}, argv);
 }

@@ -2,6 +2,8 @@
 #include <filesystem>
 #include <thread>
 
+#include "core/base/stage.h"
+#include "proto/wire/frame.h"
 #include "proto/wire/sha256.h"
 #include "server/ids.h"
 #include "tests/server/server_fixture.h"
@@ -453,6 +455,83 @@ TEST_F(Rpc, UploadsThatLieAreRefused) {
   const grpc::Status status = writer->Finish();
   EXPECT_EQ(status.error_code(), StatusCode::DATA_LOSS);
   EXPECT_EQ(reason_of(status), "DIGEST_MISMATCH");
+}
+
+TEST_F(Rpc, FramesThatCannotBeReadAreRefusedAndWhatCameBeforeStays) {
+  start();
+  v1::StartUploadRequest begin;
+  begin.set_size_bytes(8000);
+  v1::StartUploadResponse begun;
+  grpc::ClientContext c1;
+  ASSERT_TRUE(blob_stub_->StartUpload(&c1, begin, &begun).ok());
+  ASSERT_EQ(begun.accepted_codecs_size(), 1);
+  EXPECT_EQ(begun.accepted_codecs(0), v1::CODEC_ZSTD);
+  v1::Frame good = frame_of(0, std::string(4000, 'a'));
+  wire::seal_frame(good, v1::CODEC_ZSTD);
+  ASSERT_EQ(good.codec(), v1::CODEC_ZSTD);
+  const auto answer_to = [&](const v1::Frame& frame) {
+    grpc::ClientContext context;
+    v1::WriteBlobResponse response;
+    const auto writer = blob_stub_->WriteBlob(&context, &response);
+    v1::WriteBlobRequest request;
+    request.set_upload_id(begun.upload_id());
+    *request.mutable_frame() = frame;
+    writer->Write(request);
+    writer->WritesDone();
+    return writer->Finish();
+  };
+  EXPECT_TRUE(answer_to(good).ok());
+  v1::Frame bad = good;
+  bad.set_offset(4000);
+  bad.set_decoded_size(2'000'000'000);
+  EXPECT_EQ(reason_of(answer_to(bad)), "FRAME_INVALID");
+  bad.set_decoded_size(4001);
+  EXPECT_EQ(reason_of(answer_to(bad)), "FRAME_CRC_MISMATCH");
+  bad.set_codec(static_cast<v1::Codec>(9));
+  const grpc::Status strange = answer_to(bad);
+  EXPECT_EQ(strange.error_code(), StatusCode::UNIMPLEMENTED);
+  EXPECT_EQ(reason_of(strange), "CODEC_UNSUPPORTED");
+  v1::Frame rest = frame_of(4000, std::string(4000, 'b'));
+  EXPECT_TRUE(answer_to(rest).ok()) << "plain after packed";
+  v1::GetUploadRequest where;
+  where.set_upload_id(begun.upload_id());
+  v1::GetUploadResponse at;
+  grpc::ClientContext c2;
+  ASSERT_TRUE(blob_stub_->GetUpload(&c2, where, &at).ok());
+  std::string bytes;
+  EXPECT_TRUE(read(at.blob().blob_id(), 0, bytes).ok());
+  EXPECT_TRUE(bytes == std::string(4000, 'a') + std::string(4000, 'b'));
+}
+
+TEST_F(Rpc, PackedDownloadsResumeAtAnyByte) {
+  start();
+  mesher_.hexes = 60'000;
+  const v1::Blob blob = wait_final(create(tetrahedron_job()).job_id()).artifacts(0).blob();
+  std::string all, rest;
+  ASSERT_TRUE(read(blob.blob_id(), 0, all).ok());
+  for (const std::int64_t offset :
+       {std::int64_t{0}, std::int64_t{1}, (std::int64_t{1} << 20) - 1, (std::int64_t{1} << 20) + 1, blob.size_bytes() - 1}) {
+    grpc::ClientContext context;
+    v1::ReadBlobRequest request;
+    request.set_blob_id(blob.blob_id());
+    request.set_offset(offset);
+    request.add_accepted_codecs(v1::CODEC_ZSTD);
+    request.add_accepted_codecs(static_cast<v1::Codec>(99));  // of a client newer than the server
+    const auto reader = blob_stub_->ReadBlob(&context, request);
+    v1::ReadBlobResponse response;
+    std::size_t sent = 0;
+    rest.clear();
+    while (reader->Read(&response)) {
+      if (!response.has_frame()) continue;
+      sent += response.frame().data().size();
+      EXPECT_EQ(response.frame().offset(), offset + static_cast<std::int64_t>(rest.size()));
+      ASSERT_EQ(wire::open_frame(*response.mutable_frame(), 1 << 20), wire::FrameFault::None);
+      rest += response.frame().data();
+    }
+    EXPECT_TRUE(reader->Finish().ok());
+    EXPECT_TRUE(rest == all.substr(static_cast<std::size_t>(offset))) << offset;
+    EXPECT_LE(2 * sent, rest.size() + 2);
+  }
 }
 
 TEST_F(Rpc, DownloadsResumeAtAnyByte) {

@@ -26,13 +26,14 @@ void ServerFixture::start(TestOptions options) {
   jobs_ = make_memory_job_store();
   runner_ = make_thread_runner(options.slots, *blobs_, memory_, mesher_.door());
   options.desk.generator = "test";
+  checker_ = make_thread_checker(*blobs_, mesher_.door(), options.desk.admission.memory_budget_bytes);
   gate_ = std::make_unique<Gate>(options.auth_file);
   options.desk.limits_of = [this](const std::string& tenant) { return gate_->limits_of(tenant); };
-  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, mesher_.door(), options.desk);
+  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, *checker_, mesher_.door(), options.desk);
   ServerOptions wire;
   wire.listen = {"unix:" + folder_ + "/socket"};
   wire.limits = options.limits;
-  server_ = std::make_unique<Server>(wire, Server::CallWatchers(), *gate_, *desk_, *blobs_, mesher_.door());
+  server_ = std::make_unique<Server>(wire, Server::CallWatchers(), *gate_, *desk_, *blobs_);
   channel_ = grpc::CreateChannel(server_->addresses().front(), grpc::InsecureChannelCredentials());
   job_stub_ = v1::JobService::NewStub(channel_);
   blob_stub_ = v1::BlobService::NewStub(channel_);

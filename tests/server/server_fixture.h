@@ -44,6 +44,7 @@ class ServerFixture : public testing::Test {
   std::unique_ptr<JobStore> jobs_;
   MemoryLedger memory_{std::int64_t{1} << 30};
   std::unique_ptr<JobRunner> runner_;
+  std::unique_ptr<Checker> checker_;
   std::unique_ptr<JobDesk> desk_;
   std::unique_ptr<Gate> gate_;
   std::unique_ptr<Server> server_;

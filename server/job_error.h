@@ -1,0 +1,24 @@
+// What a job says that did not succeed.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "strata/v1/job.pb.h"
+
+namespace strata::server {
+
+// `code` as in JobError.code.
+v1::JobError job_error(int code, const std::string& reason, const std::string& message);
+// A job that was cancelled (code 1) or failed; nothing else is set.
+v1::Job ended_badly(v1::JobError error);
+
+// A job that is refused with the error it would end with.
+class JobRefused : public std::runtime_error {
+ public:
+  explicit JobRefused(v1::JobError why) : std::runtime_error(why.message()), error(std::move(why)) {}
+  v1::JobError error;
+};
+
+}  // namespace strata::server
