@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs what Strata needs on Debian 12, from a pristine system on. May be run again: it does nothing when all is there.
 #   deploy/install-deps.sh            build, run and test
-#   deploy/install-deps.sh --lint     and the linters and sanitizer runtimes that .ci/run uses
+#   deploy/install-deps.sh --lint     the linters, sanitizer runtimes and valgrind that .ci/run uses
 #   deploy/install-deps.sh --runtime  only what the installed programs need to run
 #   deploy/install-deps.sh --list     print the package names and do nothing
 set -euo pipefail
@@ -14,7 +14,7 @@ build=(
   zlib1g-dev libzstd-dev libssl-dev
   libgtest-dev libgmock-dev libbenchmark-dev python3-grpcio python3-protobuf
 )
-lint=(clang-19 clang-tidy-19 clang-format-19 libclang-rt-19-dev shellcheck)
+lint=(clang-19 clang-tidy-19 clang-format-19 libclang-rt-19-dev shellcheck valgrind)
 # Each line belongs to the -dev package of the same library above.
 runtime=(
   ca-certificates libgrpc++1.51 libprotobuf32 libtbb12 libspdlog1.10 libyaml-cpp0.7 libsqlite3-0
