@@ -18,6 +18,9 @@ struct FeedOptions {
   std::chrono::duration<double> min_interval{0.1};
 };
 
+// Throws Refusal when they make no sense.
+FeedOptions feed_options(const v1::WatchJobRequest& request);
+
 class EventFeed {
  public:
   EventFeed(const JobDesk& desk, std::string job_id, const FeedOptions& options);

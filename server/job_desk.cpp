@@ -67,6 +67,14 @@ void JobDesk::check_room(const Lock&, const std::string& tenant) const {
   const TenantLimits limits = options_.limits_of(tenant);
   if (limits.queued > 0 && static_cast<int>(queue_.size_of(tenant)) >= limits.queued)
     throw full("TENANT_QUOTA", "this tenant may have " + std::to_string(limits.queued) + " jobs waiting");
+}
+
+void JobDesk::check_storage(const std::string& tenant) const {
+  const auto full = [this](const char* reason, const std::string& message) {
+    const Lock lock(mutex_);
+    return Refusal(Refused::ResourceExhausted, reason, message).retry_after(seconds_until_room());
+  };
+  const TenantLimits limits = options_.limits_of(tenant);
   if (limits.bytes > 0 && jobs_.usage(tenant).bytes >= limits.bytes)
     throw full("TENANT_QUOTA", "the results of this tenant take the " + std::to_string(limits.bytes) + " bytes it may have: delete some");
   if (options_.disk_reserve_bytes > 0 && blobs_.free_bytes() < options_.disk_reserve_bytes)
@@ -120,6 +128,7 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
     --arriving_;
   };
   try {
+    check_storage(caller.tenant);
     const auto cost = admission_.cost(request, prices_now() ? estimating : Estimating::Known);
     store_inline_surface(caller.tenant, request);
     Created created = store(std::move(request), cost, caller, fingerprint);

@@ -120,6 +120,7 @@ class JobDesk {
   void resume_stored_jobs();
   bool resume(const Lock& lock, StoredJob stored);
   void check_room(const Lock& lock, const std::string& tenant) const;
+  void check_storage(const std::string& tenant) const;
   [[nodiscard]] double seconds_until_room() const;
   [[nodiscard]] std::optional<Created> known_request(const std::string& tenant, const std::string& request_id,
                                                      const std::string& fingerprint) const;
@@ -143,6 +144,7 @@ class JobDesk {
   [[nodiscard]] v1::Job shown(const Lock& lock, const Live& live) const;
 
   void tick();
+  std::vector<std::weak_ptr<Watcher>> watchers_to_poke(const Lock& lock);
   void save_progress(Lock& lock);
   void stop_late_jobs(const Lock& lock);
   void sweep();
@@ -168,6 +170,7 @@ class JobDesk {
   std::atomic<bool> draining_ = false;
   bool closing_ = false;  // what is cancelled from now on was not cancelled by its owner
   std::vector<std::weak_ptr<Watcher>> watchers_;  // all, for the tick
+  std::size_t ticks_ = 0;
   Clock::time_point swept_, swept_blobs_, saved_at_, steady_at_;
   std::optional<std::int64_t> wall_at_;
   std::jthread ticker_;

@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::chrono::seconds kSaveEvery{1};        // what a crash may lose of the events of running jobs
 constexpr std::chrono::seconds kSweepEvery{5};
+constexpr std::size_t kTurns = 5;                    // ticks until every watcher was poked
 constexpr std::chrono::minutes kSweepBlobsEvery{10};
 constexpr int kForgottenAtOnce = 100;
 constexpr std::int64_t kJumpSeconds = 600;           // of the clock against the time that passed: then nothing is forgotten for a while
@@ -32,14 +33,23 @@ void JobDesk::tick() {
       save_progress(lock);
     }
     stop_late_jobs(lock);
-    std::erase_if(watchers_, [](const std::weak_ptr<Watcher>& w) { return w.expired(); });
-    watchers = watchers_;
+    watchers = watchers_to_poke(lock);
   }
   poke(std::move(watchers));
   if (Clock::now() - swept_ >= kSweepEvery) {
     swept_ = Clock::now();
     sweep();
   }
+}
+
+// Watchers of running jobs each time, for progress that they were not ready for; the others now and then, for heartbeats.
+std::vector<std::weak_ptr<Watcher>> JobDesk::watchers_to_poke(const Lock&) {
+  std::erase_if(watchers_, [](const std::weak_ptr<Watcher>& w) { return w.expired(); });
+  std::vector<std::weak_ptr<Watcher>> watchers;
+  for (std::size_t i = ticks_++ % kTurns; i < watchers_.size(); i += kTurns) watchers.push_back(watchers_[i]);
+  for (const auto& [id, live] : live_)
+    if (live->running) watchers.insert(watchers.end(), live->watchers.begin(), live->watchers.end());
+  return watchers;
 }
 
 // New events of running jobs, and final jobs that the store did not take before. Lets go of the lock while it writes.

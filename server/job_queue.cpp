@@ -1,22 +1,29 @@
 #include "server/job_queue.h"
 
 #include <algorithm>
-#include <iterator>
 
 namespace strata::server {
+
+// Where it stands or would.
+std::deque<JobQueue::Waiting>::const_iterator JobQueue::find(const Tenant& tenant, const Place& place) {
+  return std::lower_bound(tenant.waiting.begin(), tenant.waiting.end(), place,
+                          [](const Waiting& waiting, const Place& other) { return waiting.place < other; });
+}
 
 void JobQueue::push(const std::string& job_id, const std::string& tenant, int priority, double arrived) {
   Tenant& mine = tenants_[tenant];
   if (mine.waiting.empty()) mine.had = std::max(mine.had, least_had_);
   const Place place{arrived - kSecondsPerPriority * priority, arrivals_++};
-  mine.waiting.emplace(place, job_id);
+  mine.waiting.insert(find(mine, place), {place, job_id});
   places_[job_id] = {tenant, place};
 }
 
 bool JobQueue::remove(const std::string& job_id) {
   const auto found = places_.find(job_id);
   if (found == places_.end()) return false;
-  tenants_[found->second.first].waiting.erase(found->second.second);
+  auto& [tenant, place] = found->second;
+  Tenant& mine = tenants_[tenant];
+  mine.waiting.erase(find(mine, place));
   places_.erase(found);
   return true;
 }
@@ -33,8 +40,8 @@ std::size_t JobQueue::size_of(const std::string& tenant) const {
 int JobQueue::ahead_of(const std::string& job_id) const {
   const auto found = places_.find(job_id);
   if (found == places_.end()) return 0;
-  const auto& waiting = tenants_.at(found->second.first).waiting;
-  return static_cast<int>(std::distance(waiting.begin(), waiting.find(found->second.second)));
+  const Tenant& mine = tenants_.at(found->second.first);
+  return static_cast<int>(find(mine, found->second.second) - mine.waiting.begin());
 }
 
 }  // namespace strata::server

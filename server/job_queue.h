@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <set>
@@ -34,10 +35,16 @@ class JobQueue {
 
  private:
   using Place = std::pair<double, std::int64_t>;  // virtual time of arrival, then order of arrival
+  struct Waiting {
+    Place place;
+    std::string job_id;
+  };
   struct Tenant {
-    std::map<Place, std::string> waiting;
+    std::deque<Waiting> waiting;  // by place: most come last and leave first, and all want to know how many are ahead
     double had = 0;  // core seconds over weight
   };
+
+  static std::deque<Waiting>::const_iterator find(const Tenant& tenant, const Place& place);
 
   std::map<std::string, Tenant> tenants_;
   std::map<std::string, std::pair<std::string, Place>> places_;  // job -> tenant, place
@@ -52,7 +59,7 @@ std::optional<std::string> JobQueue::pop(const MayRun& may_run) {
     if (!tenant.waiting.empty() && (next == nullptr || tenant.had < next->had) && may_run(name)) next = &tenant;
   if (next == nullptr) return {};
   least_had_ = next->had;
-  std::string job_id = next->waiting.begin()->second;
+  std::string job_id = next->waiting.front().job_id;
   remove(job_id);
   return job_id;
 }

@@ -18,23 +18,6 @@ namespace {
 
 using grpc::CallbackServerContext;
 
-FeedOptions feed_options(const v1::WatchJobRequest& request) {
-  FeedOptions options;
-  if (request.after_sequence() < 0) throw invalid_field("after_sequence", "must not be negative");
-  options.after_sequence = request.after_sequence();
-  if (request.heartbeat_seconds() != 0) {
-    if (!(request.heartbeat_seconds() >= 1 && request.heartbeat_seconds() <= 60))
-      throw invalid_field("heartbeat_seconds", "must be 1 to 60");
-    options.heartbeat = std::chrono::duration<double>(request.heartbeat_seconds());
-  }
-  if (request.min_interval_seconds() != 0) {
-    if (!(request.min_interval_seconds() >= 0.1 && request.min_interval_seconds() <= 60))
-      throw invalid_field("min_interval_seconds", "must be 0.1 to 60");
-    options.min_interval = std::chrono::duration<double>(request.min_interval_seconds());
-  }
-  return options;
-}
-
 class WatchCall final : public StreamingCall<grpc::ServerWriteReactor<v1::WatchJobResponse>, v1::WatchJobResponse> {
  public:
   static WatchCall* begin(Gate& gate, const CallbackServerContext& context, JobDesk& desk, const v1::WatchJobRequest& request) {

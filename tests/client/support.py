@@ -118,7 +118,8 @@ def write_spec(path, spec):
 class Server:
     """A stratad with a data folder of its own, on a Unix socket and on a port."""
 
-    def __init__(self, *flags, folder=None):
+    def __init__(self, *flags, folder=None, env=None):
+        self.env = environment(**(env or {}))  # of the server
         self.folder = pathlib.Path(folder or tempfile.mkdtemp(prefix="strata-test-"))
         isolation = os.environ.get("STRATA_TEST_ISOLATION")
         self.flags = ("--isolation", isolation, *flags) if isolation and "--isolation" not in flags else flags
@@ -132,7 +133,7 @@ class Server:
             self.process = subprocess.Popen(
                 [STRATAD, "--listen", f"unix:{self.folder}/socket", "--listen", "127.0.0.1:0", "--data", str(self.folder / "data"),
                  "--ready-fd", str(write_end), *self.flags],
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, pass_fds=[write_end], env=environment())
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, pass_fds=[write_end], env=self.env)
         os.close(write_end)
         with os.fdopen(read_end) as ready:
             self.addresses = ready.read().split()
