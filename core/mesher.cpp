@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "core/dual/dual.h"
 #include "core/estimate.h"
 #include "core/features/features.h"
+#include "core/features/merge_charts.h"
 #include "core/fit/fit.h"
 #include "core/fit/part_contacts.h"
 #include "core/fit/retreat.h"
@@ -33,6 +35,7 @@ namespace {
 // fewer are an adjustment only.
 constexpr double kRelaxedShare = 1e-3;
 constexpr int kMatchRounds = 3;  // of letting creases go, before what is left is freed on the spot
+constexpr int kMostRounds = 6;   // in all: what freeing could not make valid lets all creases go round it
 constexpr int kFacesOfHex = 6;
 constexpr int kFinerTries = 3;  // cells are halved so often, where the volume is thinner than they are
 
@@ -158,30 +161,61 @@ constexpr Promises kUnfitted{.labelled = false, .positive = false};
   throw MeshError(Failure::Internal, std::move(diagnostic));
 }
 
+bool is_identity(const IdMap<ChartId, ChartId>& map) {
+  for (ChartId c : map.ids())
+    if (map[c] != c) return false;
+  return true;
+}
+
+// The ground where some charts are one.
+struct MergedGround {
+  Features features;
+  Ground ground;
+  MergedGround(const Ground& of, const IdMap<ChartId, ChartId>& into)
+      : features(merge_charts(of.features(), into)), ground(of.surface(), features) {}
+};
+
+// A mesh that follows the surface, and the ground it stands on where that is not the one given.
+struct Fitted {
+  HexMesh mesh;
+  std::unique_ptr<const MergedGround> merged;
+};
+
 // Features are matched, given rows of hexes and fitted. Creases that leave hexes poor are let go, and all is done again from the smooth fit;
 // what is still bad in the end is freed on the spot: features first, then the surface.
-HexMesh fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& context) {
+Fitted fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& context) {
   IdMap<CurveId, std::uint8_t> let_go(ground.features().curves.size(), 0);
   for (int round = 0;; ++round) {
     Match matched = match_features(smooth, ground, let_go, context);
     if (round == 0) context.begin(Stage::WrapRidges);
-    HexMesh mesh = wrap_ridges(std::move(matched.mesh), ground.features(), matched.creases, context);
+    std::unique_ptr<const MergedGround> merged;
+    if (!is_identity(matched.chart_of)) merged = std::make_unique<const MergedGround>(ground, matched.chart_of);
+    const Ground& here = merged ? merged->ground : ground;
+    HexMesh mesh = wrap_ridges(std::move(matched.mesh), here.features(), matched.creases, context);
     if (round == 0) context.begin(Stage::FitToFeatures);
-    mesh = fit_to_features(std::move(mesh), ground, context).mesh;
-    const std::vector<CurveId> in_the_way = round < kMatchRounds
-                                                ? creases_in_the_way(mesh, ground.features(), round == 0 ? GiveWay::Weakest : GiveWay::All)
-                                                : std::vector<CurveId>();
+    mesh = fit_to_features(std::move(mesh), here, context).mesh;
+    const std::vector<CurveId> in_the_way =
+        round < kMatchRounds ? creases_in_the_way(mesh, ground.features(), let_go, round == 0 ? GiveWay::Weakest : GiveWay::All)
+                             : std::vector<CurveId>();
     if (!in_the_way.empty()) {
       for (CurveId c : in_the_way) let_go[c] = 1;
       continue;
     }
-    smooth = HexMesh();
-    FitResult fitted = make_valid(std::move(mesh), ground, context);
+    IdMap<VertexId, Attachment> held = mesh.attachment;
+    FitResult fitted = make_valid(std::move(mesh), here, context);
+    if (fitted.bad > 0 && round < kMostRounds) {
+      std::swap(fitted.mesh.attachment, held);
+      const std::vector<CurveId> near = creases_near(fitted.mesh, bad_hexes(fitted.mesh), ground.features(), let_go);
+      for (CurveId c : near) let_go[c] = 1;
+      if (!near.empty()) continue;
+      std::swap(fitted.mesh.attachment, held);
+    }
     report_softened(matched.softened, ground, context);
-    if (!matched.softened.empty() || fitted.softened > 0) fall_to(rung, Rung::FeaturesSoftened);
+    if (!matched.softened.empty() || fitted.let_go) fall_to(rung, Rung::FeaturesSoftened);
+    if (fitted.let_go) context.adjusted(std::move(*fitted.let_go));
     if (fitted.bad > 0) give_up(fitted.mesh, fitted.bad);
     report_relaxed(fitted, rung, context);
-    return std::move(fitted.mesh);
+    return {std::move(fitted.mesh), std::move(merged)};
   }
 }
 
@@ -217,8 +251,9 @@ HexMesh smooth_without_features(const HexMesh& wrapped, HexMesh smooth, const Di
 }
 
 // The ladder's last rungs: what cannot be fitted keeps the staircase of its cells, in the buffer layer or bare.
-HexMesh fit_or_fall(HexMesh carved, const Run& run) {
+Fitted fit_or_fall(HexMesh carved, const Run& run) {
   HexMesh mesh, wrapped, smooth;
+  Fitted fitted;
   run.context.begin(Stage::WrapSurface);
   auto failure = failure_of([&] {
     wrapped = wrap_surface(carved, run.context);
@@ -230,15 +265,15 @@ HexMesh fit_or_fall(HexMesh carved, const Run& run) {
       smooth = fit_to_smooth(wrapped, run.ground, run.context).mesh;
       require(smooth, kUnfitted);
       tell_quality(Stage::FitToSmooth, smooth, run);
-      mesh = fit_features(smooth, run.ground, run.rung, run.context);
-      require(mesh);
-      mesh = take_off_itself(std::move(mesh), run.context);
-      require_in_input(mesh, run.surface.frame);
-      tell_quality(Stage::FitToFeatures, mesh, run);
+      fitted = fit_features(smooth, run.ground, run.rung, run.context);
+      require(fitted.mesh);
+      fitted.mesh = take_off_itself(std::move(fitted.mesh), run.context);
+      require_in_input(fitted.mesh, run.surface.frame);
+      tell_quality(Stage::FitToFeatures, fitted.mesh, run);
     });
-    if (!failure) return mesh;
+    if (!failure) return fitted;
     if (!smooth.hexes.empty() && !failure_of([&] { mesh = smooth_without_features(wrapped, std::move(smooth), *failure, run); }))
-      return mesh;
+      return {std::move(mesh), nullptr};
     fall_to(run.rung, Rung::Staircase);
     report_fall(*failure, Reason::SurfaceFitRelaxed, "the mesh could not be fitted to the surface and keeps the staircase of its cells",
                 run.context);
@@ -246,12 +281,12 @@ HexMesh fit_or_fall(HexMesh carved, const Run& run) {
       mesh = make_staircase(std::move(wrapped), run.ground, run.context);
       require(mesh);
     });
-    if (!failure) return mesh;
+    if (!failure) return {std::move(mesh), nullptr};
   }
   fall_to(run.rung, Rung::CarvedDual);
   report_fall(*failure, Reason::SurfaceFitRelaxed, "no buffer layer could be laid round the cells inside the surface: they are left bare",
               run.context);
-  return label_by_nearest(std::move(carved), run.ground);
+  return {label_by_nearest(std::move(carved), run.ground), nullptr};
 }
 
 Rung rung_of(LayersRung rung) {
@@ -265,12 +300,13 @@ Rung rung_of(LayersRung rung) {
 }
 
 // Layers where they can be had, else the mesh as it was.
-HexMesh grow_or_drop(HexMesh mesh, const std::vector<LayerSpec>& layers, std::vector<PatchLayers>& grown, const Run& run) {
+HexMesh grow_or_drop(HexMesh mesh, const Ground& ground, const std::vector<LayerSpec>& layers, std::vector<PatchLayers>& grown,
+                     const Run& run) {
   run.context.begin(Stage::GrowLayers);
   HexMesh layered;
   const auto failure = failure_of([&] {
     if (run.rung >= Rung::Staircase) refuse_staircase();
-    GrowResult result = grow_layers(mesh, layers, run.ground, run.context);
+    GrowResult result = grow_layers(mesh, layers, ground, run.context);
     require(result.mesh);
     layered = take_off_itself(std::move(result.mesh), run.context);
     require_in_input(layered, run.surface.frame);
@@ -341,10 +377,11 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, cons
   const Surface& skin = part ? *part : surface;
   const Ground ground(skin, part_features ? *part_features : features);
   const Run run{skin, ground, observer, context, outcome.rung};
-  HexMesh mesh = fit_or_fall(std::move(carved.mesh), run);
+  Fitted fitted = fit_or_fall(std::move(carved.mesh), run);
+  HexMesh mesh = std::move(fitted.mesh);
 
   std::vector<PatchLayers> grown;
-  if (!spec.layers.empty()) mesh = grow_or_drop(std::move(mesh), spec.layers, grown, run);
+  if (!spec.layers.empty()) mesh = grow_or_drop(std::move(mesh), fitted.merged ? fitted.merged->ground : ground, spec.layers, grown, run);
 
   to_input_frame(mesh, surface.frame);
   context.begin(Stage::MeasureQuality);

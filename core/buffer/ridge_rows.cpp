@@ -10,6 +10,7 @@
 namespace strata {
 namespace {
 
+constexpr int kShrinks = 8;  // of the inner side, each by the hexes round its pinches
 constexpr double kSheetShare = 1.0 / 3;  // of the edges that the new layer cuts off
 
 // What holds an old border vertex once the ridge has gone with its copy.
@@ -28,6 +29,8 @@ class Reattach {
           const bool fits = by_charts ? runs_between(curve, charts) : charts.size() > 1;
           if (fits && continues_at(curve, v, CornerId(was.of), by_charts)) return {Hold::Curve, curve.value};
         }
+    // The row ends here, and the ridge goes on along old vertices.
+    if (was.hold == Hold::Curve && charts.size() > 1 && continues_at(CurveId(was.of), v, CornerId(), false)) return was;
     return {Hold::Chart, charts.size() == 1 ? charts.front().value : kWholeSurface};
   }
   // Neighbours of v along the boundary that are not copies made by the sheet.
@@ -150,6 +153,20 @@ std::vector<Push> plan_pushes(const HexMesh& mesh, const Sheet& sheet, StripTake
 }
 
 }  // namespace
+
+bool shrink_from_pinches(const HexMesh& mesh, SheetRequest& request) {
+  for (int i = 0; i < kShrinks; ++i) {
+    const std::vector<VertexId> pinched = pinched_vertices(mesh, request);
+    if (pinched.empty()) return !request.faces.empty();
+    IdMap<VertexId, std::uint8_t> near(mesh.position.size(), 0);
+    for (VertexId v : pinched) near[v] = 1;
+    for (HexId h : mesh.hexes.ids())
+      if (request.inner[h] != 0 && std::any_of(mesh.hexes[h].begin(), mesh.hexes[h].end(), [&](VertexId v) { return near[v] != 0; }))
+        request.inner[h] = 0;
+    request.faces = faces_between(mesh, request.inner);
+  }
+  return false;
+}
 
 HexMesh insert_row(HexMesh mesh, const SheetRequest& request, const Features& features) {
   SheetInsertion done = insert_sheet(std::move(mesh), request);

@@ -19,4 +19,7 @@ namespace strata {
 // that the request pinches nowhere.
 HexMesh insert_row(HexMesh mesh, const SheetRequest& request, const Features& features);
 
+// Takes hexes near pinches out of the inner side until none is left. False: nothing of the inner side is left, or it still pinches.
+bool shrink_from_pinches(const HexMesh& mesh, SheetRequest& request);
+
 }  // namespace strata

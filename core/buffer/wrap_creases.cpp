@@ -191,7 +191,7 @@ void report(std::size_t sides, Context& context) {
   Diagnostic diagnostic;
   diagnostic.reason = Reason::TopologyChanged;
   diagnostic.severity = Severity::Info;
-  diagnostic.message = "no row of hexes beside " + std::to_string(sides) + " sides of creases: it would pinch the mesh";
+  diagnostic.message = "no row of hexes, or one with a gap, beside " + std::to_string(sides) + " sides of creases: it would pinch the mesh";
   diagnostic.count = static_cast<std::int64_t>(sides);
   context.adjusted(std::move(diagnostic));
 }
@@ -211,7 +211,7 @@ HexMesh wrap_creases(HexMesh mesh, const std::vector<CreaseEdge>& creases, const
       for (const Side* side : batch.sides)
         if (touches(mesh, *side, pinched)) tried.emplace_back(side->path, side->quads.front());
       std::sort(tried.begin(), tried.end());
-      continue;
+      if (!shrink_from_pinches(mesh, batch.request)) continue;
     }
     mesh = insert_row(std::move(mesh), batch.request, features);
   }

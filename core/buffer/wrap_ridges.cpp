@@ -112,11 +112,11 @@ std::vector<ChartId> pinched_charts(const HexMesh& mesh, const IdMap<QuadId, Qua
   return charts;
 }
 
-Diagnostic pinch_report(ChartId chart, const Features& features, const std::vector<VertexId>& pinched) {
+Diagnostic pinch_report(const char* what, ChartId chart, const Features& features, const std::vector<VertexId>& pinched) {
   Diagnostic diagnostic;
   diagnostic.reason = Reason::TopologyChanged;
   diagnostic.severity = Severity::Info;
-  diagnostic.message = "no ridge layer round chart " + std::to_string(chart.value) + ": it would pinch the mesh at " +
+  diagnostic.message = std::string(what) + " round chart " + std::to_string(chart.value) + ": it would pinch the mesh at " +
                        std::to_string(pinched.size()) + " vertices";
   diagnostic.values = {
       {"chart", chart.value}, {"patch", features.patch_of_chart[chart].value}, {"vertices", static_cast<double>(pinched.size())}};
@@ -146,13 +146,18 @@ HexMesh wrap_ridges(HexMesh mesh, const Features& features, const std::vector<Cr
     const StripTakes strip = wishes.front().strip;
     const std::vector<ChartId> batch = choose_batch(mesh, wishes, ledger);
     const IdMap<QuadId, QuadSides> sides = quad_sides(mesh);
-    const SheetRequest request = round_charts(mesh, sides, batch, strip);
+    SheetRequest request = round_charts(mesh, sides, batch, strip);
     if (const auto pinched = pinched_vertices(mesh, request); !pinched.empty()) {
-      for (ChartId c : pinched_charts(mesh, sides, batch, pinched)) {
-        ledger.at(strip, c) = batch.size() == 1 ? Standing::Skipped : Standing::Alone;
-        if (batch.size() == 1) context.adjusted(pinch_report(c, features, pinched));
+      if (batch.size() > 1) {
+        for (ChartId c : pinched_charts(mesh, sides, batch, pinched)) ledger.at(strip, c) = Standing::Alone;
+        continue;
       }
-      continue;
+      const bool partly = shrink_from_pinches(mesh, request);
+      context.adjusted(pinch_report(partly ? "a gap in the ridge layer" : "no ridge layer", batch.front(), features, pinched));
+      if (!partly) {
+        ledger.at(strip, batch.front()) = Standing::Skipped;
+        continue;
+      }
     }
     mesh = insert_row(std::move(mesh), request, features);
     for (ChartId c : batch) ledger.at(strip, c) = Standing::Wrapped;

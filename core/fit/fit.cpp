@@ -28,7 +28,7 @@ FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context) {
   options.power = 2;
   options.min_scaled_jacobian = kHealthy;
   OptimiseResult result = optimise(std::move(mesh), request, options, context);
-  return {std::move(result.mesh), result.off_ground, 0};
+  return {.mesh = std::move(result.mesh), .relaxed = result.off_ground};
 }
 
 FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context) {
@@ -41,7 +41,7 @@ FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context) 
   options.min_scaled_jacobian = kAcceptable;
   OptimiseResult result = optimise(std::move(mesh), request, options, context);
   result = polish(std::move(result.mesh), request, kPolishGoal, kPolishRounds, context);
-  return {std::move(result.mesh), result.off_ground, 0};
+  return {.mesh = std::move(result.mesh), .relaxed = result.off_ground};
 }
 
 }  // namespace strata

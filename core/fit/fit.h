@@ -1,8 +1,10 @@
 // From a wrapped staircase to the surface: first as if it were smooth, then with its features.
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "core/base/diagnostic.h"
 #include "core/mesh/crease_edge.h"
 #include "core/mesh/hex_mesh.h"
 #include "core/optimise/ground.h"
@@ -17,7 +19,7 @@ struct FitResult {
   double worst_off = 0;           // the farthest of them, over the local edge length
   std::int64_t far = 0;           // those farther than a quarter of the local edge
   std::int64_t held = 0;          // boundary vertices in all
-  std::int64_t softened = 0;      // curves that no edge path represents, or places where features were let go
+  std::optional<Diagnostic> let_go{};  // where features were let go, for the user
   std::int64_t bad = 0;           // hexes whose scaled Jacobian, corners and centre, is not above kLeastJacobian
 };
 
@@ -34,16 +36,21 @@ struct Match {
   HexMesh mesh;
   std::vector<CreaseEdge> creases;  // edges of paths that labels do not show
   std::vector<CurveId> softened;  // curves that no edge path represents, ascending: too small for the cells, in each other's way, or let go
+  IdMap<ChartId, ChartId> chart_of;  // the chart that each is labelled as: charts of one patch that only softened curves part are one
 };
 // `let_go`: by curve, 1: not to be represented; may be empty.
 Match match_features(HexMesh mesh, const Ground& ground, const IdMap<CurveId, std::uint8_t>& let_go, Context& context);
 // Tells the user which curves the mesh rounds off.
 void report_softened(const std::vector<CurveId>& curves, const Ground& ground, Context& context);
 
-// Creases inside one chart without which poor hexes could be better: the weakest or all near each, ascending. Faint creases, often noise, are named
-// for poor hexes; others only for hexes that are bad.
+// Creases inside one patch without which poor hexes could be better: the weakest or all near each, ascending. Faint creases, often noise, are
+// named for poor hexes; others only for hexes that are bad. Those already `let_go` (by curve) are not named again.
 enum class GiveWay { Weakest, All };
-std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, GiveWay give_way);
+std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go,
+                                        GiveWay give_way);
+// All creases inside one patch at these hexes or, where there are none, round them.
+std::vector<CurveId> creases_near(const HexMesh& mesh, const std::vector<HexId>& hexes, const Features& features,
+                                  const IdMap<CurveId, std::uint8_t>& let_go);
 
 // Moves held vertices onto their corners, curves and charts; interior follows; worst-first polish.
 FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context);

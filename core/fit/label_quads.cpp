@@ -1,4 +1,4 @@
-// Regions between paths become charts; what a softened curve separates shares a region, and there only patches are told apart.
+// Regions between paths become charts; charts that only softened curves separate share a region and are one from here on, patches apart.
 #include <algorithm>
 #include <numeric>
 #include <tuple>
@@ -9,7 +9,7 @@
 namespace strata {
 namespace {
 
-constexpr double kStray = 0.02;      // of a region's area may lie on other charts because paths stray from their curves
+constexpr double kAtHome = 0.5;      // of a chart's area in one region: less only strays there
 constexpr int kSmoothSweeps = 4;
 
 // Connected quads between paths, named by their smallest quad.
@@ -59,12 +59,24 @@ struct Nearest {
   IdMap<QuadId, double> area;
 };
 
-Nearest nearest_charts(const Matching& m, const HexMesh& mesh) {
+// The smallest chart of the same group and patch.
+IdMap<ChartId, ChartId> merged_charts(const Features& features, const IdMap<ChartId, ChartId>& group) {
+  IdMap<ChartId, ChartId> into(group.size());
+  std::vector<ChartId> order(group.size());
+  for (ChartId c : group.ids()) order[c.index()] = c;
+  const auto key = [&](ChartId c) { return std::tie(group[c], features.patch_of_chart[c]); };
+  std::stable_sort(order.begin(), order.end(), [&](ChartId a, ChartId b) { return key(a) < key(b); });
+  for (std::size_t i = 0; i < order.size(); ++i)
+    into[order[i]] = i > 0 && key(order[i]) == key(order[i - 1]) ? into[order[i - 1]] : order[i];
+  return into;
+}
+
+Nearest nearest_charts(const Matching& m, const HexMesh& mesh, const IdMap<ChartId, ChartId>& into) {
   Nearest nearest{IdMap<QuadId, ChartId>(mesh.quads.size()), IdMap<QuadId, double>(mesh.quads.size())};
   parallel_for(mesh.quads.size(), [&](std::size_t i) {
     const QuadVertices& q = mesh.quads[QuadId(i)];
     const Vec3 &a = mesh.position[q[0]], &b = mesh.position[q[1]], &c = mesh.position[q[2]], &d = mesh.position[q[3]];
-    nearest.chart[QuadId(i)] = m.ground.features().chart[m.ground.closest(0.25 * (a + b + c + d)).triangle];
+    nearest.chart[QuadId(i)] = into[m.ground.features().chart[m.ground.closest(0.25 * (a + b + c + d)).triangle]];
     nearest.area[QuadId(i)] = 0.5 * (c - a).cross(d - b).norm();
   });
   return nearest;
@@ -128,82 +140,74 @@ void attach(const Matching& m, HexMesh& mesh, const IdMap<QuadId, ChartId>& slid
 
 }  // namespace
 
-void label_quads(const Matching& m, HexMesh& mesh) {
+IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh) {
   const Features& features = m.ground.features();
-  const Nearest nearest = nearest_charts(m, mesh);
-  const IdMap<QuadId, std::int32_t> region = flood(m);
   const IdMap<ChartId, ChartId> group = joined_charts(m);
+  IdMap<ChartId, ChartId> into = merged_charts(features, group);
+  const Nearest nearest = nearest_charts(m, mesh, into);
+  const IdMap<QuadId, std::int32_t> region = flood(m);
 
   struct Vote {
     std::int32_t region;
-    ChartId group;
-    PatchId patch;
-    ChartId chart;
+    ChartId group, chart;
     QuadId quad;
   };
   std::vector<Vote> votes;
   votes.reserve(mesh.quads.size());
-  for (QuadId q : mesh.quads.ids())
-    votes.push_back({region[q], group[nearest.chart[q]], features.patch_of_chart[nearest.chart[q]], nearest.chart[q], q});
+  for (QuadId q : mesh.quads.ids()) votes.push_back({region[q], group[nearest.chart[q]], nearest.chart[q], q});
   parallel_sort(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) {
-    return std::tie(a.region, a.group, a.patch, a.chart, a.quad) < std::tie(b.region, b.group, b.patch, b.chart, b.quad);
+    return std::tie(a.region, a.group, a.chart, a.quad) < std::tie(b.region, b.group, b.chart, b.quad);
   });
+  IdMap<ChartId, double> whole(features.chart_count(), 0.0);
+  for (QuadId q : mesh.quads.ids()) whole[nearest.chart[q]] += nearest.area[q];
 
   mesh.chart.assign(mesh.quads.size(), ChartId());
   mesh.patch.assign(mesh.quads.size(), PatchId());
-  IdMap<QuadId, ChartId> slides_on(mesh.quads.size());           // the chart under a quad where several share its label
   IdMap<QuadId, std::uint8_t> mixed(mesh.quads.size(), std::uint8_t{0});
-  struct Share {
-    PatchId patch;
-    ChartId chart;   // the largest of the patch in the region
-    double area = 0, of_chart = 0;
-  };
+  IdMap<ChartId, double> share(features.chart_count(), 0.0);  // of each chart, in the region at hand
   for (std::size_t i = 0; i < votes.size();) {
+    // The group with the largest area has the region; of its charts those that are at home in it show.
     std::size_t stop = i;
-    std::vector<Share> shares, best_shares;
-    double best_area = -1, whole = 0;
+    double best_area = -1;
+    ChartId largest, best_group;
     while (stop < votes.size() && votes[stop].region == votes[i].region) {
       const ChartId g = votes[stop].group;
-      double group_area = 0;
-      shares.clear();
-      for (; stop < votes.size() && votes[stop].region == votes[i].region && votes[stop].group == g;) {
+      double group_area = 0, chart_area = -1;
+      ChartId largest_here;
+      while (stop < votes.size() && votes[stop].region == votes[i].region && votes[stop].group == g) {
         const Vote& head = votes[stop];
         double area = 0;
         for (; stop < votes.size() && votes[stop].region == head.region && votes[stop].chart == head.chart; ++stop)
           area += nearest.area[votes[stop].quad];
-        if (shares.empty() || shares.back().patch != head.patch) shares.push_back({head.patch, head.chart, 0, -1});
-        Share& share = shares.back();
-        share.area += area;
-        if (area > share.of_chart) {
-          share.of_chart = area;
-          share.chart = head.chart;
+        if (area > chart_area) {
+          chart_area = area;
+          largest_here = head.chart;
         }
         group_area += area;
+        share[head.chart] = area;
       }
-      whole += group_area;
       if (group_area > best_area) {
         best_area = group_area;
-        best_shares = shares;
+        best_group = g;
+        largest = largest_here;
       }
     }
-    const auto largest =
-        *std::max_element(best_shares.begin(), best_shares.end(), [](const Share& a, const Share& b) { return a.area < b.area; });
-    const bool one_chart = largest.of_chart > (1 - kStray) * best_area;
-    const bool one_patch = largest.area > (1 - kStray) * best_area;
-    for (; i < stop; ++i) {
-      const Vote& vote = votes[i];
-      const bool inside = vote.group == group[largest.chart];
-      mesh.chart[vote.quad] = largest.chart;
-      slides_on[vote.quad] = one_chart || !inside ? largest.chart : vote.chart;
-      if (one_patch || !inside) continue;
-      mixed[vote.quad] = 1;
-      for (const Share& share : best_shares)
-        if (share.patch == vote.patch) mesh.chart[vote.quad] = share.chart;
+    bool one_chart = true;
+    const auto at_home = [&](const Vote& vote) { return vote.group == best_group && share[vote.chart] > kAtHome * whole[vote.chart]; };
+    for (std::size_t j = i; j < stop; ++j) {
+      const ChartId shown = at_home(votes[j]) ? votes[j].chart : largest;
+      mesh.chart[votes[j].quad] = shown;
+      one_chart = one_chart && shown == largest;
     }
+    if (!one_chart)
+      for (std::size_t j = i; j < stop; ++j) mixed[votes[j].quad] = 1;
+    i = stop;
   }
+  const IdMap<QuadId, ChartId> slides_on = mesh.chart;
   smooth_patches(m, mesh, mixed);
   for (QuadId q : mesh.quads.ids()) mesh.patch[q] = features.patch_of_chart[mesh.chart[q]];
   attach(m, mesh, slides_on);
+  return into;
 }
 
 }  // namespace strata

@@ -11,13 +11,17 @@
 namespace strata {
 namespace {
 
-constexpr double kBad = 0.03;    // scaled Jacobian: for hexes below, any crease inside one chart gives way
+constexpr double kBad = 0.03;    // scaled Jacobian: for hexes below, any crease inside one patch gives way
+constexpr double kMostBad = 0.1;  // bad hexes at a curve that is not faint, over its vertices: fewer are mended on the spot
 constexpr double kPoor = 0.30;   // for hexes below, faint ones do
-constexpr double kFaint = std::numbers::pi / 3;  // a crease that ends in the open and turns by less is often noise of the triangulation
+constexpr double kFaint = std::numbers::pi / 3;  // a crease inside one chart that turns by less is often noise of the triangulation
 
-// Between two charts a curve is a border that the labels of quads rest on: it is not for us.
-bool is_crease(const Curve& curve) { return curve.manifold && curve.left.valid() && curve.left == curve.right; }
-bool is_faint(const Curve& curve) { return std::abs(std::numbers::pi - curve.dihedral_mean) < kFaint; }
+// Patches are kept: their borders are not for us.
+bool is_inside_patch(const Features& features, const Curve& curve) {
+  return curve.manifold && curve.left.valid() && curve.right.valid() &&
+         features.patch_of_chart[curve.left] == features.patch_of_chart[curve.right];
+}
+bool is_faint(const Curve& curve) { return curve.left == curve.right && std::abs(std::numbers::pi - curve.dihedral_mean) < kFaint; }
 
 // Ascending: what gives way first.
 auto strength(const Features& features, CurveId c) {
@@ -35,36 +39,89 @@ std::vector<double> corner_jacobians(const HexMesh& mesh) {
   return jacobian;
 }
 
-}  // namespace
+// Curves round hexes that may give way.
+class Candidates {
+ public:
+  Candidates(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go)
+      : mesh_(mesh), features_(features), let_go_(let_go), star_(hexes_round_vertices(mesh)) {}
 
-std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, GiveWay give_way) {
-  const std::vector<double> jacobian = corner_jacobians(mesh);
-  const VertexStars<HexId> star = hexes_round_vertices(mesh);
-  std::vector<CurveId> result, candidates;
-  const auto look = [&](VertexId v, double worst) {
-    const Attachment at = mesh.attachment[v];
+  // On the hex's own vertices, or else on those of the hexes round it.
+  template <class May>
+  const std::vector<CurveId>& near(HexId h, const May& may) {
+    found_.clear();
+    for (VertexId v : mesh_.hexes[h]) look(v, may);
+    if (found_.empty())
+      for (VertexId v : mesh_.hexes[h])
+        for (HexId n : star_.of(v))
+          for (VertexId w : mesh_.hexes[n]) look(w, may);
+    std::sort(found_.begin(), found_.end());
+    found_.erase(std::unique(found_.begin(), found_.end()), found_.end());
+    return found_;
+  }
+
+ private:
+  template <class May>
+  void look(VertexId v, const May& may) {
+    const Attachment at = mesh_.attachment[v];
     const auto add = [&](CurveId c) {
-      const Curve& curve = features.curves[c];
-      if (is_crease(curve) && (worst <= kBad || is_faint(curve))) candidates.push_back(c);
+      const Curve& curve = features_.curves[c];
+      if (!let_go_[c] && is_inside_patch(features_, curve) && may(curve)) found_.push_back(c);
     };
     if (at.hold == Hold::Curve) add(CurveId(at.of));
     if (at.hold == Hold::Corner)
-      for (CurveId c : features.corners[CornerId(at.of)].curves) add(c);
-  };
+      for (CurveId c : features_.corners[CornerId(at.of)].curves) add(c);
+  }
+
+  const HexMesh& mesh_;
+  const Features& features_;
+  const IdMap<CurveId, std::uint8_t>& let_go_;
+  VertexStars<HexId> star_;
+  std::vector<CurveId> found_;
+};
+
+IdMap<CurveId, std::int32_t> vertices_on(const HexMesh& mesh, const Features& features) {
+  IdMap<CurveId, std::int32_t> count(features.curves.size(), 0);
+  for (const Attachment& at : mesh.attachment)
+    if (at.hold == Hold::Curve) ++count[CurveId(at.of)];
+  return count;
+}
+
+}  // namespace
+
+std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go,
+                                        GiveWay give_way) {
+  const std::vector<double> jacobian = corner_jacobians(mesh);
+  Candidates candidates(mesh, features, let_go);
+  IdMap<CurveId, std::int32_t> bad(features.curves.size(), 0);  // hexes that would have the curve gone
+  std::vector<CurveId> result;
   for (HexId h : mesh.hexes.ids()) {
     const double worst = jacobian[h.index()];
     if (worst > kPoor) continue;
-    candidates.clear();
-    for (VertexId v : mesh.hexes[h]) look(v, worst);
-    if (candidates.empty())
-      for (VertexId v : mesh.hexes[h])
-        for (HexId n : star.of(v))
-          for (VertexId w : mesh.hexes[n]) look(w, worst);
-    if (candidates.empty()) continue;
-    if (give_way == GiveWay::All) result.insert(result.end(), candidates.begin(), candidates.end());
-    else
-      result.push_back(*std::min_element(candidates.begin(), candidates.end(),
-                                         [&](CurveId a, CurveId b) { return strength(features, a) < strength(features, b); }));
+    const std::vector<CurveId>& near = candidates.near(h, [&](const Curve& curve) { return worst <= kBad || is_faint(curve); });
+    if (near.empty()) continue;
+    const CurveId weakest =
+        *std::min_element(near.begin(), near.end(), [&](CurveId a, CurveId b) { return strength(features, a) < strength(features, b); });
+    for (CurveId c : near) {
+      if (c != weakest && give_way == GiveWay::Weakest) continue;
+      if (is_faint(features.curves[c])) result.push_back(c);
+      else ++bad[c];
+    }
+  }
+  const IdMap<CurveId, std::int32_t> held = vertices_on(mesh, features);
+  for (CurveId c : bad.ids())
+    if (bad[c] > kMostBad * held[c]) result.push_back(c);
+  std::sort(result.begin(), result.end());
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
+std::vector<CurveId> creases_near(const HexMesh& mesh, const std::vector<HexId>& hexes, const Features& features,
+                                  const IdMap<CurveId, std::uint8_t>& let_go) {
+  Candidates candidates(mesh, features, let_go);
+  std::vector<CurveId> result;
+  for (HexId h : hexes) {
+    const std::vector<CurveId>& near = candidates.near(h, [](const Curve&) { return true; });
+    result.insert(result.end(), near.begin(), near.end());
   }
   std::sort(result.begin(), result.end());
   result.erase(std::unique(result.begin(), result.end()), result.end());

@@ -194,8 +194,7 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
   if (features > 0) {
     diagnostic.count = features;
     diagnostic.message = std::to_string(features) + " feature vertices were let go, because hexes at them would not be valid; refine there";
-    context.adjusted(std::move(diagnostic));
-    result.softened = 1;
+    result.let_go = std::move(diagnostic);
   }
   measure_distance(mesh, ground, result);
   result.mesh = std::move(mesh);

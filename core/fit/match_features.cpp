@@ -81,7 +81,7 @@ Match match_features(HexMesh mesh, const Ground& ground, const IdMap<CurveId, st
   route_paths(m, context);
   Match result;
   result.softened = softened_curves(m);
-  label_quads(m, mesh);  // m looks at positions and quads only, which stay
+  result.chart_of = label_quads(m, mesh);  // m looks at positions and quads only, which stay
   result.creases = crease_edges(m, mesh);
   result.mesh = std::move(mesh);
   return result;

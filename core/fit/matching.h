@@ -40,7 +40,8 @@ void match_corners(Matching& m);
 // Edge paths for the routes, important ones first; who stands in the way of another is moved aside.
 void route_paths(Matching& m, Context& context);
 
-// Charts and patches of quads, attachments of vertices.
-void label_quads(const Matching& m, HexMesh& mesh);
+// Charts and patches of quads, attachments of vertices. Charts that only softened curves part are labelled as one: returns by which, for every
+// chart.
+IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh);
 
 }  // namespace strata
