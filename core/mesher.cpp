@@ -13,8 +13,8 @@
 #include "core/dual/dual.h"
 #include "core/estimate.h"
 #include "core/features/features.h"
-#include "core/features/merge_charts.h"
 #include "core/fit/fit.h"
+#include "core/fit/fit_features.h"
 #include "core/fit/part_contacts.h"
 #include "core/fit/retreat.h"
 #include "core/ladder.h"
@@ -34,8 +34,6 @@ namespace {
 // The rung is fit_relaxed when more than this share of the boundary vertices stay off the surface by over a quarter of the local edge;
 // fewer are an adjustment only.
 constexpr double kRelaxedShare = 1e-3;
-constexpr int kMatchRounds = 3;  // of letting creases go, before what is left is freed on the spot
-constexpr int kMostRounds = 6;   // in all: what freeing could not make valid lets all creases go round it
 constexpr int kFacesOfHex = 6;
 constexpr int kFinerTries = 3;  // cells are halved so often, where the volume is thinner than they are
 
@@ -126,6 +124,12 @@ std::optional<Surface> without_strangers(const Surface& surface, const IdMap<Tri
   return part_of(surface, keep);
 }
 
+// A mesh that follows the surface, and the ground it stands on where that is not the one given.
+struct Fitted {
+  HexMesh mesh;
+  std::unique_ptr<const MergedGround> merged;
+};
+
 // What the stages from the fit on share.
 struct Run {
   const Surface& surface;
@@ -161,62 +165,15 @@ constexpr Promises kUnfitted{.labelled = false, .positive = false};
   throw MeshError(Failure::Internal, std::move(diagnostic));
 }
 
-bool is_identity(const IdMap<ChartId, ChartId>& map) {
-  for (ChartId c : map.ids())
-    if (map[c] != c) return false;
-  return true;
-}
-
-// The ground where some charts are one.
-struct MergedGround {
-  Features features;
-  Ground ground;
-  MergedGround(const Ground& of, const IdMap<ChartId, ChartId>& into)
-      : features(merge_charts(of.features(), into)), ground(of.surface(), features) {}
-};
-
-// A mesh that follows the surface, and the ground it stands on where that is not the one given.
-struct Fitted {
-  HexMesh mesh;
-  std::unique_ptr<const MergedGround> merged;
-};
-
-// Features are matched, given rows of hexes and fitted. Creases that leave hexes poor are let go, and all is done again from the smooth fit;
-// what is still bad in the end is freed on the spot: features first, then the surface.
-Fitted fit_features(HexMesh smooth, const Ground& ground, Rung& rung, Context& context) {
-  IdMap<CurveId, std::uint8_t> let_go(ground.features().curves.size(), 0);
-  for (int round = 0;; ++round) {
-    Match matched = match_features(smooth, ground, let_go, context);
-    if (round == 0) context.begin(Stage::WrapRidges);
-    std::unique_ptr<const MergedGround> merged;
-    if (!is_identity(matched.chart_of)) merged = std::make_unique<const MergedGround>(ground, matched.chart_of);
-    const Ground& here = merged ? merged->ground : ground;
-    HexMesh mesh = wrap_ridges(std::move(matched.mesh), here.features(), matched.creases, context);
-    if (round == 0) context.begin(Stage::FitToFeatures);
-    mesh = fit_to_features(std::move(mesh), here, context).mesh;
-    const std::vector<CurveId> in_the_way =
-        round < kMatchRounds ? creases_in_the_way(mesh, ground.features(), let_go, round == 0 ? GiveWay::Weakest : GiveWay::All)
-                             : std::vector<CurveId>();
-    if (!in_the_way.empty()) {
-      for (CurveId c : in_the_way) let_go[c] = 1;
-      continue;
-    }
-    IdMap<VertexId, Attachment> held = mesh.attachment;
-    FitResult fitted = make_valid(std::move(mesh), here, context);
-    if (fitted.bad > 0 && round < kMostRounds) {
-      std::swap(fitted.mesh.attachment, held);
-      const std::vector<CurveId> near = creases_near(fitted.mesh, bad_hexes(fitted.mesh), ground.features(), let_go);
-      for (CurveId c : near) let_go[c] = 1;
-      if (!near.empty()) continue;
-      std::swap(fitted.mesh.attachment, held);
-    }
-    report_softened(matched.softened, ground, context);
-    if (!matched.softened.empty() || fitted.let_go) fall_to(rung, Rung::FeaturesSoftened);
-    if (fitted.let_go) context.adjusted(std::move(*fitted.let_go));
-    if (fitted.bad > 0) give_up(fitted.mesh, fitted.bad);
-    report_relaxed(fitted, rung, context);
-    return {std::move(fitted.mesh), std::move(merged)};
-  }
+// Features are fitted; what had to be given up costs a rung.
+Fitted fit_features_or_throw(const HexMesh& smooth, const Ground& ground, Rung& rung, Context& context) {
+  FeatureFit fit = fit_features(smooth, ground, context);
+  report_softened(fit.softened, ground, context);
+  if (!fit.softened.empty() || fit.result.let_go) fall_to(rung, Rung::FeaturesSoftened);
+  if (fit.result.let_go) context.adjusted(std::move(*fit.result.let_go));
+  if (fit.result.bad > 0) give_up(fit.result.mesh, fit.result.bad);
+  report_relaxed(fit.result, rung, context);
+  return {std::move(fit.result.mesh), std::move(fit.merged)};
 }
 
 // Whoever reads a mesh whose skin touches itself takes the place for a crack.
@@ -265,7 +222,7 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
       smooth = fit_to_smooth(wrapped, run.ground, run.context).mesh;
       require(smooth, kUnfitted);
       tell_quality(Stage::FitToSmooth, smooth, run);
-      fitted = fit_features(smooth, run.ground, run.rung, run.context);
+      fitted = fit_features_or_throw(smooth, run.ground, run.rung, run.context);
       require(fitted.mesh);
       fitted.mesh = take_off_itself(std::move(fitted.mesh), run.context);
       require_in_input(fitted.mesh, run.surface.frame);

@@ -15,6 +15,14 @@ constexpr double kPolishGoal = 0.4;      // scaled Jacobian the worst hexes are 
 constexpr double kHealthy = 0.05;  // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
 constexpr double kAcceptable = 0.02;  // projections never push a good hex below
 
+OptimiseOptions feature_options() {
+  OptimiseOptions options;
+  options.sweeps = kFeatureSweeps;
+  options.power = 2;
+  options.min_scaled_jacobian = kAcceptable;
+  return options;
+}
+
 }  // namespace
 
 FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context) {
@@ -31,17 +39,20 @@ FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context) {
   return {.mesh = std::move(result.mesh), .relaxed = result.off_ground};
 }
 
-FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context) {
+HexMesh arrive_at_features(HexMesh mesh, const Ground& ground, Context& context) {
   OptimiseRequest request;
   request.ground = &ground;
-  OptimiseOptions options;
-  options.sweeps = kFeatureSweeps;
+  OptimiseOptions options = feature_options();
+  options.sweeps = options.arrival_sweeps = 0;
   options.arrival = Arrival::AtOnce;
-  options.power = 2;
-  options.min_scaled_jacobian = kAcceptable;
-  OptimiseResult result = optimise(std::move(mesh), request, options, context);
-  result = polish(std::move(result.mesh), request, kPolishGoal, kPolishRounds, context);
-  return {.mesh = std::move(result.mesh), .relaxed = result.off_ground};
+  return optimise(std::move(mesh), request, options, context).mesh;
+}
+
+HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context) {
+  OptimiseRequest request;
+  request.ground = &ground;
+  mesh = optimise(std::move(mesh), request, feature_options(), context).mesh;
+  return polish(std::move(mesh), request, kPolishGoal, kPolishRounds, context).mesh;
 }
 
 }  // namespace strata

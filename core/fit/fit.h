@@ -43,17 +43,22 @@ Match match_features(HexMesh mesh, const Ground& ground, const IdMap<CurveId, st
 // Tells the user which curves the mesh rounds off.
 void report_softened(const std::vector<CurveId>& curves, const Ground& ground, Context& context);
 
-// Creases inside one patch without which poor hexes could be better: the weakest or all near each, ascending. Faint creases, often noise, are
-// named for poor hexes; others only for hexes that are bad. Those already `let_go` (by curve) are not named again.
+// Creases inside one patch without which hexes could be better: the weakest or all near each, ascending. Faint creases inside one chart, often
+// noise, are named for poor hexes; others only where many of their hexes are bad. Those already `let_go` (by curve) are not named again.
 enum class GiveWay { Weakest, All };
+struct Goals {  // scaled Jacobians of corners, not above which a hex counts as
+  double bad = 0, poor = 0;
+};
 std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go,
-                                        GiveWay give_way);
+                                        GiveWay give_way, const Goals& goals);
 // All creases inside one patch at these hexes or, where there are none, round them.
 std::vector<CurveId> creases_near(const HexMesh& mesh, const std::vector<HexId>& hexes, const Features& features,
                                   const IdMap<CurveId, std::uint8_t>& let_go);
 
-// Moves held vertices onto their corners, curves and charts; interior follows; worst-first polish.
-FitResult fit_to_features(HexMesh mesh, const Ground& ground, Context& context);
+// Puts held vertices onto their corners, curves and charts and untangles what that inverts, as far as may be.
+HexMesh arrive_at_features(HexMesh mesh, const Ground& ground, Context& context);
+// Everything relaxes round held vertices, then a worst-first polish.
+HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context);
 
 // Frees hexes that are still bad, giving up as little as possible and only near them: first features (vertices slide on the surface), then
 // the surface (vertices leave it, and are led back as far as hexes stay valid). `bad` of the result is 0 unless all that failed.

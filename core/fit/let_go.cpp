@@ -11,9 +11,7 @@
 namespace strata {
 namespace {
 
-constexpr double kBad = 0.03;    // scaled Jacobian: for hexes below, any crease inside one patch gives way
 constexpr double kMostBad = 0.1;  // bad hexes at a curve that is not faint, over its vertices: fewer are mended on the spot
-constexpr double kPoor = 0.30;   // for hexes below, faint ones do
 constexpr double kFaint = std::numbers::pi / 3;  // a crease inside one chart that turns by less is often noise of the triangulation
 
 // Patches are kept: their borders are not for us.
@@ -89,15 +87,15 @@ IdMap<CurveId, std::int32_t> vertices_on(const HexMesh& mesh, const Features& fe
 }  // namespace
 
 std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go,
-                                        GiveWay give_way) {
+                                        GiveWay give_way, const Goals& goals) {
   const std::vector<double> jacobian = corner_jacobians(mesh);
   Candidates candidates(mesh, features, let_go);
   IdMap<CurveId, std::int32_t> bad(features.curves.size(), 0);  // hexes that would have the curve gone
   std::vector<CurveId> result;
   for (HexId h : mesh.hexes.ids()) {
     const double worst = jacobian[h.index()];
-    if (worst > kPoor) continue;
-    const std::vector<CurveId>& near = candidates.near(h, [&](const Curve& curve) { return worst <= kBad || is_faint(curve); });
+    if (worst > std::max(goals.poor, goals.bad)) continue;
+    const std::vector<CurveId>& near = candidates.near(h, [&](const Curve& curve) { return worst <= goals.bad || is_faint(curve); });
     if (near.empty()) continue;
     const CurveId weakest =
         *std::min_element(near.begin(), near.end(), [&](CurveId a, CurveId b) { return strength(features, a) < strength(features, b); });

@@ -4,7 +4,7 @@
 #include "core/base/context.h"
 #include "core/base/parallel.h"
 #include "core/fit/fit.h"
-#include "core/mesh/adjacency.h"
+#include "core/mesh/part.h"
 #include "core/optimise/optimise.h"
 #include "core/quality/quality.h"
 
@@ -14,28 +14,33 @@ namespace {
 constexpr int kRounds = 5;          // each gives up more, on a wider ring
 constexpr int kFreeingRound = 2;    // from this round on vertices may leave the surface
 constexpr int kSweeps = 20;
+constexpr int kRings = 3;           // of vertices round those that are let go, that take part
+constexpr int kMargin = 2;          // rings of hexes round them that stay still
+constexpr int kPolishRounds = 3;
 constexpr double kCalmJacobian = 0.05;
 constexpr double kOnSurface = 1e-9;  // working frame: rounding
 constexpr double kTouching = 1e-8;   // working frame: two boundary vertices so near are taken for one by whoever reads the mesh
 constexpr double kParting = 0.3;     // of the way to the neighbours' centre, to part two vertices that coincide
 constexpr double kFar = 0.25;        // of the local edge
 
-// 1 for every vertex within `rings` hexes of a bad hex.
-IdMap<VertexId, std::uint8_t> neighbourhood(const HexMesh& mesh, const std::vector<HexId>& bad, int rings) {
-  IdMap<VertexId, std::uint8_t> inside(mesh.position.size(), 0);
-  for (HexId h : bad)
-    for (VertexId v : mesh.hexes[h]) inside[v] = 1;
+// 1 for every vertex of the hexes.
+IdMap<VertexId, std::uint8_t> vertices_of(const HexMesh& mesh, const std::vector<HexId>& hexes) {
+  IdMap<VertexId, std::uint8_t> marked(mesh.position.size(), 0);
+  for (HexId h : hexes)
+    for (VertexId v : mesh.hexes[h]) marked[v] = 1;
+  return marked;
+}
+
+// Marks `rings` more rings of hexes.
+IdMap<VertexId, std::uint8_t> widened(const HexMesh& mesh, IdMap<VertexId, std::uint8_t> marked, int rings) {
   for (int ring = 0; ring < rings; ++ring) {
-    IdMap<VertexId, std::uint8_t> wider = inside;
-    for (const HexVertices& hex : mesh.hexes) {
-      bool touched = false;
-      for (VertexId v : hex) touched = touched || inside[v] != 0;
-      if (touched)
+    IdMap<VertexId, std::uint8_t> wider = marked;
+    for (const HexVertices& hex : mesh.hexes)
+      if (std::any_of(hex.begin(), hex.end(), [&](VertexId v) { return marked[v] != 0; }))
         for (VertexId v : hex) wider[v] = 1;
-    }
-    inside = std::move(wider);
+    marked = std::move(wider);
   }
-  return inside;
+  return marked;
 }
 
 Box box_of(const HexMesh& mesh, const std::vector<HexId>& hexes, const Frame& frame) {
@@ -54,7 +59,7 @@ Loosened loosen(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, bool o
   Loosened result;
   for (VertexId v : near.ids()) {
     Attachment& attachment = mesh.attachment[v];
-    if (near[v] == 0 || attachment.hold == Hold::Free) continue;
+    if (near[v] == 0 || attachment.hold == Hold::Free || attachment.hold == Hold::Fixed) continue;
     if (attachment.hold == Hold::Curve || attachment.hold == Hold::Corner) ++result.features;
     attachment = {Hold::Chart, kWholeSurface};
     if (!off_surface) continue;
@@ -143,6 +148,25 @@ std::vector<HexId> part_coincident(HexMesh& mesh) {
   return round;
 }
 
+// Returns how many vertices left their curve or corner.
+std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, const Ground& ground, bool off_surface, Context& context) {
+  const Loosened loosened = loosen(mesh, near, off_surface);
+  OptimiseRequest request;
+  request.ground = &ground;
+  request.seeds = &near;
+  OptimiseOptions options;
+  options.sweeps = kSweeps;
+  options.rings = kRings;
+  options.min_scaled_jacobian = kCalmJacobian;
+  mesh = optimise(std::move(mesh), request, options, context).mesh;
+  mesh = polish(std::move(mesh), request, kCalmJacobian, kPolishRounds, context).mesh;
+  if (!loosened.freed.empty()) {  // lead them back
+    for (VertexId v : loosened.freed) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
+    mesh = optimise(std::move(mesh), request, options, context).mesh;
+  }
+  return loosened.features;
+}
+
 }  // namespace
 
 std::vector<HexId> bad_hexes(const HexMesh& mesh) {
@@ -171,23 +195,12 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     const std::vector<HexId> parted = part_coincident(mesh);
     bad.insert(bad.end(), parted.begin(), parted.end());
     if (bad.empty()) break;
-    const int rings = round;
-    const IdMap<VertexId, std::uint8_t> near = neighbourhood(mesh, bad, rings);
-    const Loosened loosened = loosen(mesh, near, round >= kFreeingRound);
-    features += loosened.features;
-    OptimiseRequest request;
-    request.ground = &ground;
-    request.seeds = &near;
-    OptimiseOptions options;
-    options.sweeps = kSweeps;
-    options.rings = 3;
-    options.min_scaled_jacobian = kCalmJacobian;
-    mesh = optimise(std::move(mesh), request, options, context).mesh;
-    mesh = polish(std::move(mesh), request, kCalmJacobian, 3, context).mesh;
-    if (!loosened.freed.empty()) {  // lead them back
-      for (VertexId v : loosened.freed) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
-      mesh = optimise(std::move(mesh), request, options, context).mesh;
-    }
+    const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, bad);
+    MeshPart part = cut_part(mesh, marked, round + kRings + kMargin);
+    IdMap<VertexId, std::uint8_t> near(part.mesh.position.size());
+    for (VertexId v : near.ids()) near[v] = marked[part.whole[v]];
+    features += free_near(part.mesh, widened(part.mesh, std::move(near), round), ground, round >= kFreeingRound, context);
+    put_back(part, mesh);
     bad = bad_hexes(mesh);
   }
   result.bad = static_cast<std::int64_t>(bad.size());

@@ -11,7 +11,7 @@ namespace {
 
 TEST(MergeCharts, MakesABorderACreaseInsideOneChart) {
   Context context;
-  const Surface surface = condition(cube(2), context);
+  const Surface surface = condition(test::cube(2), context);
   const Features before = detect_features(surface, {}, context);
   ASSERT_EQ(before.chart_count(), 6U);
   const Curve& border = before.curves[CurveId(0)];
