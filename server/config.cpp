@@ -130,6 +130,10 @@ void add_flags(CLI::App& app, Config& config) {
   env(app.add_option("--tls-refresh", config.server.tls.refresh_seconds, "Seconds between looks at the certificate files")
           ->check(CLI::Range(1, 86400)),
       "STRATAD_TLS_REFRESH");
+  env(app.add_option("--bundles", config.bundles,
+                     "Jobs that ended with an internal error to keep in DATA-DIR/bundles, to be run again; 0: none")
+          ->check(CLI::Range(0, 10'000)),
+      "STRATAD_BUNDLES");
   app.add_flag("--check-config", config.check_only,
                "Say what the settings come to, and end: 0 when a server could start with them, else 2");
   app.add_option("--backup", config.backup_to, "Copy the job store to this file, also while a server runs, and end")->type_name("FILE");

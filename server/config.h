@@ -33,6 +33,7 @@ struct Config {
   bool check_only = false;
   std::string backup_to;               // empty: no backup
   std::string trace_file;              // empty: no traces
+  int bundles = 20;                    // of failed jobs, kept for whoever looks into them
   std::string metrics_listen;          // host:port; empty: none
   std::string log_level = "info";
 };

@@ -19,6 +19,7 @@ constexpr int kDefaultPage = 100;
 constexpr int kMaxPage = 1000;
 constexpr std::size_t kShortQueue = 16;         // jobs; see prices_now
 constexpr double kRetrySeconds = 5;             // when nothing better is known
+constexpr double kLongestTtl = 100.0 * 365 * 86400;  // seconds; what is asked for may be any number
 constexpr double kLearning = 0.2;               // share of the newest job in what is typical
 constexpr std::int64_t kSequenceGap = 1'000'000;  // numbers that a run lost by a crash may have given to events nobody saved
 
@@ -352,7 +353,7 @@ v1::Job JobDesk::ended(const Live& live, v1::Job result) const {
   job.set_cancel_requested(false);
   *job.mutable_end_time() = timestamp_now();
   const double asked = live.stored.request.result_ttl_seconds(), most = options_.result_ttl_seconds;
-  const double ttl = asked > 0 && (most == 0 || asked < most) ? asked : most;
+  const double ttl = std::min(asked > 0 && (most == 0 || asked < most) ? asked : most, kLongestTtl);
   if (ttl > 0) job.mutable_expire_time()->set_seconds(wall_seconds() + static_cast<std::int64_t>(std::ceil(ttl)));
   if (job.state() == v1::JOB_STATE_SUCCEEDED && job.has_progress()) {
     job.mutable_progress()->set_fraction(1);

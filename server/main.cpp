@@ -17,6 +17,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "server/bundles.h"
 #include "server/call_watch.h"
 #include "server/config.h"
 #include "server/job_log.h"
@@ -111,7 +112,8 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
                               : make_process_runner({config.slots, config.worker_program}, *blobs, memory);
   const auto checker =
       threads ? make_thread_checker(*blobs, mesher, config.memory_bytes) : make_process_checker(config.worker_program, *blobs, memory);
-  const auto logged = log_jobs(*runner);
+  const auto keeping = keep_bundles(*runner, *blobs, {config.data_folder + "/bundles", config.bundles, config.desk.generator});
+  const auto logged = log_jobs(*keeping);
   Metrics metrics;
   Tracer tracer(config.trace_file);
   const auto traced = trace_jobs(*logged, tracer);

@@ -2,6 +2,7 @@
 #include <google/protobuf/util/time_util.h>
 
 #include <filesystem>
+#include <limits>
 #include <thread>
 
 #include "server/ids.h"
@@ -42,6 +43,18 @@ TEST_F(Desk, ForgetsJobsAndResultsAfterTheirTime) {
   EXPECT_TRUE(exists(second.job_id()));
   EXPECT_FALSE(blobs_->find(first.artifacts(0).blob().blob_id()));
   EXPECT_TRUE(blobs_->find(second.artifacts(0).blob().blob_id()));
+}
+
+TEST_F(Desk, ATimeToLiveWithoutEndIsALongOne) {
+  start();  // the server has no limit of its own
+  for (const double asked : {1e300, std::numeric_limits<double>::infinity()}) {
+    v1::CreateJobRequest request = tetrahedron_job();
+    request.set_result_ttl_seconds(asked);
+    const v1::Job job = wait_final(create(request).job_id());
+    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
+    EXPECT_GT(job.expire_time().seconds() - job.end_time().seconds(), 50LL * 365 * 86400);
+    EXPECT_LT(job.expire_time().seconds(), 253'402'300'799) << "the last second that a timestamp can hold";
+  }
 }
 
 TEST_F(Desk, ForgetsNothingWhenTheClockJumps) {

@@ -33,6 +33,21 @@ v1::Frame sealed(const std::string& bytes, v1::Codec codec) {
   return frame;
 }
 
+TEST(Crc32c, IsThatOfTheStandardAndTheSameHoweverTheBytesAreCut) {
+  EXPECT_EQ(crc32c("123456789"), 0xE3069283u);
+  EXPECT_EQ(crc32c(std::string(32, '\0')), 0x8A9136AAu);  // RFC 3720, B.4
+  const std::string bytes = noise(40'000);
+  const auto one_by_one = [&](std::size_t size) {
+    std::uint32_t crc = 0;
+    for (std::size_t i = 0; i < size; ++i) crc = crc32c(bytes.substr(i, 1), crc);
+    return crc;
+  };
+  for (const std::size_t size : {0, 1, 7, 8, 9, 4096, 12'287, 12'288, 12'289, 24'576, 24'583, 40'000}) {
+    EXPECT_EQ(crc32c(bytes.substr(0, size)), one_by_one(size)) << size;
+    EXPECT_EQ(crc32c(bytes.substr(size), crc32c(bytes.substr(0, size))), crc32c(bytes)) << size;
+  }
+}
+
 TEST(Frame, OpensToWhatWasSealedWithEveryCodec) {
   for (const v1::Codec codec : {v1::CODEC_UNSPECIFIED, v1::CODEC_ZSTD})
     for (const std::size_t size : {1, 2, 100, 4096, 1 << 20})

@@ -16,6 +16,24 @@ struct Refused {
   const char* says;  // a part of the message
 };
 
+TEST(SpecText, IsReadAsTheSameMessage) {
+  const char* full = R"({"volume":{"mode":"points","points":[[1,2,3],[0.1,-4e-7,5]]},
+    "sizing":{"max_size":0.1,"min_size":1e-9,"patches":[{"patches":["a*","b"],"size":0.3}],"curvature_deg":12,"gap_cells":2.5,
+      "boxes":[{"min":[0,0,0],"max":[1,1,1],"size":0.2}],"spheres":[{"centre":[0,1,0],"radius":2,"size":0.1}],
+      "cylinders":[{"from":[0,0,0],"to":[1,0,0],"radius":0.5,"size":0.1}],"gradation":1.5,"max_cells":9007199254740991,"min_level":1,
+      "max_level":7,"curves":[{"between":["a","b"],"size":0.01}],
+      "background":{"min":[0,0,0],"max":[1,1,1],"counts":[2,2,2],"sizes":[1,2,3,4,5,6,7,8]}},
+    "features":{"ridge_angle_deg":33,"sharp_edges":"fillet"},
+    "layers":[{"patches":["w"],"count":5,"first_height":1e-5,"growth":1.2,"last_height":0.1,"total_thickness":0.3,"relative":true,
+      "ending":"cross_imprint","neighbours":[{"patches":["x"],"ending":"wedge"}],"side":2,"blending":3,"give_up":["count","growth"]},
+      {"patches":["\"quoted\" \u00fc"],"blending":"none"},{"patches":["v"],"blending":"auto"}],
+    "seed":42})";
+  const v1::MeshSpec spec = parse_spec(full);
+  EXPECT_EQ(spec_text(parse_spec(spec_text(spec))), spec_text(spec));
+  EXPECT_EQ(parse_spec(spec_text(spec)).SerializeAsString(), spec.SerializeAsString());
+  EXPECT_EQ(parse_spec(spec_text({})).SerializeAsString(), "");
+}
+
 class BadSpec : public testing::TestWithParam<Refused> {};
 
 TEST_P(BadSpec, IsRefusedNamingTheFieldAndTheReason) {
