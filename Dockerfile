@@ -8,7 +8,7 @@ RUN bash deploy/install-deps.sh && rm -rf /var/lib/apt/lists/*
 COPY . .
 RUN cmake --preset release -DSTRATA_TESTS=OFF && \
     cmake --build build/release --target stratad strata && \
-    strip build/release/bin/stratad build/release/bin/strata
+    strip build/release/bin/strata && strip --strip-debug build/release/bin/stratad
 
 FROM debian:bookworm-slim
 COPY deploy/install-deps.sh /tmp/

@@ -8,11 +8,14 @@
 #include <algorithm>
 #include <array>
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <sstream>
 #include <vector>
+
+#include "server/program_symbols.h"
 
 namespace strata::server {
 namespace {
@@ -45,11 +48,16 @@ void handle(int signal, void (*handler)(int), int flags) {
   sigaction(signal, &action, nullptr);
 }
 
+// The address in "(+0x66b1)" is where the call returns to; the call was before.
+std::uint64_t before_return(const std::string& line, std::size_t plus) { return std::strtoull(line.c_str() + plus + 1, nullptr, 16) - 1; }
+
 // "program(_ZN6strata...+0x1f) [0x55...]" -> the name; the module when there is none.
-std::string call_of(const std::string& line) {
+std::string call_of(const std::string& line, const ProgramSymbols& program) {
   const std::size_t open = line.find('('), plus = line.find_first_of("+)", open);
   if (open == std::string::npos || plus == std::string::npos) return line;
-  const std::string mangled = line.substr(open + 1, plus - open - 1);
+  std::string mangled = line.substr(open + 1, plus - open - 1);
+  const bool ours = line.compare(0, open, kProgramName) == 0;
+  if (mangled.empty() && ours && line[plus] == '+') mangled = program.at(before_return(line, plus));
   if (mangled.empty()) return line.substr(line.rfind('/', open) + 1);
   int status = 0;
   const std::unique_ptr<char, decltype(&std::free)> name(abi::__cxa_demangle(mangled.c_str(), nullptr, nullptr, &status), &std::free);
@@ -79,15 +87,17 @@ void report_crashes() {
   handle(SIGUSR1, on_look, SA_RESTART | SA_ONSTACK);
 }
 
-std::string backtrace_in(const std::string& written) {
+std::string backtrace_in(const std::string& written, const std::string& program) {
   const std::size_t begin = written.rfind(kBegin);
   if (begin == std::string::npos) return {};
+  const ProgramSymbols symbols(program);
   std::istringstream rest(written.substr(begin + sizeof kBegin - 1));
   std::vector<std::string> lines;
   for (std::string line; std::getline(rest, line) && line.find('[') != std::string::npos;) lines.push_back(line);
   const std::size_t first = frames_of_handler(lines);
   std::string text;
-  for (std::size_t i = first; i < std::min(lines.size(), first + kShownFrames); ++i) text += call_of(lines[i]).substr(0, kMaxLine) + "\n";
+  for (std::size_t i = first; i < std::min(lines.size(), first + kShownFrames); ++i)
+    text += call_of(lines[i], symbols).substr(0, kMaxLine) + "\n";
   return text;
 }
 

@@ -9,7 +9,11 @@ namespace strata::server {
 // writes one and goes on.
 void report_crashes();
 
-// The calls of the last backtrace in what a worker wrote, names demangled, innermost first, one a line; empty: there is none.
-std::string backtrace_in(const std::string& written);
+// What workers call themselves: argv[0], by which their own functions are told from those of libraries.
+inline constexpr const char* kProgramName = "stratad";
+
+// The calls of the last backtrace in what a worker wrote, names demangled, innermost first, one a line; empty: there is none. `program`: the file
+// it ran, for the names of functions that it does not export; may be empty.
+std::string backtrace_in(const std::string& written, const std::string& program);
 
 }  // namespace strata::server

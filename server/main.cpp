@@ -1,5 +1,6 @@
 // stratad: wires the parts, starts, waits for the signal, drains.
 #include <fcntl.h>
+#include <google/protobuf/stubs/logging.h>
 #include <grpc/grpc.h>
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -37,6 +38,11 @@ void keep_memory_between_messages() {
 
 // Held until the process ends: whoever gives gRPC 1.51 back last waits for one of its own pollers, which may sleep for ten more seconds.
 void keep_grpc() { grpc_init(); }
+
+// What protobuf has to say of messages that others sent is no error of ours, and not JSON.
+void log_protobuf(google::protobuf::LogLevel, const char*, int, const std::string& message) {
+  spdlog::debug(R"("msg":"protobuf","text":"{}")", json_escaped(message));
+}
 
 // Blocked here and so in every thread started later; read in wait_for_signal.
 sigset_t block_signals() {
@@ -160,6 +166,7 @@ int main(int argc, char** argv) {
   if (is_worker(argc, argv)) return worker_main(mesher_door(), argv);
   keep_memory_between_messages();
   keep_grpc();
+  google::protobuf::SetLogHandler(log_protobuf);
   const ParsedConfig parsed = parse_config(argc, argv);
   if (!parsed.config) return parsed.exit_code;
   const Config& config = *parsed.config;

@@ -6,7 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "server/backtrace.h"
 #include "server/checker.h"
 #include "server/job_error.h"
 #include "server/refusal.h"
@@ -80,7 +79,7 @@ class ProcessChecker final : public Checker {
           job_error(8, "MEMORY_BUDGET_EXCEEDED", "looking at the surface alone needs more than " + limit + " MiB: ask for larger cells")};
     }
     v1::JobError crashed = job_error(13, "WORKER_CRASHED", "the worker process of the check ended by " + how_it_ended(end));
-    crashed.set_backtrace(backtrace_in(worker.errors()));
+    crashed.set_backtrace(worker.backtrace());
     return {{}, std::move(crashed)};
   }
 

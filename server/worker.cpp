@@ -24,6 +24,7 @@
 #include "server/mesh_job.h"
 #include "server/pipe_messages.h"
 #include "server/refusal.h"
+#include "server/staged_blobs.h"
 #include "server/stored_file.h"
 #include "strata/worker/v1/worker.pb.h"
 
@@ -31,41 +32,6 @@ namespace strata::server {
 namespace {
 
 namespace wire = strata::worker::v1;
-
-// One surface to read, results into a folder from which the server takes them.
-class StagedBlobs final : public BlobStore {
- public:
-  StagedBlobs(BlobInfo surface, std::string surface_path, std::string folder)
-      : surface_(std::move(surface)), surface_path_(std::move(surface_path)), folder_(std::move(folder)) {}
-
-  std::unique_ptr<BlobWriter> create(const std::string&) override {
-    return write_file(folder_, [](const std::string&, const BlobInfo&) {});
-  }
-  std::optional<BlobInfo> find(const std::string& id) const override { return id == surface_.id ? std::optional(surface_) : std::nullopt; }
-  std::unique_ptr<BlobReader> open(const std::string&) const override { return open_file(surface_path_); }
-  void remove(const std::string& id) override { ::unlink((folder_ + "/" + id).c_str()); }
-
-  // The rest is the server's.
-  std::optional<BlobInfo> find_digest(const std::string&, const std::string&) const override { return {}; }
-  void touch(const std::string&) override {}
-  std::vector<std::string> idle_since(std::chrono::system_clock::time_point) const override { return {}; }
-  void drop_uploads_idle_since(std::chrono::system_clock::time_point) override {}
-  std::string local_path(const std::string&) const override { return surface_path_; }
-  std::string stage(const std::string&) override { not_here(); }
-  void adopt(const std::string&, const BlobInfo&) override { not_here(); }
-  void unstage(const std::string&) override { not_here(); }
-  std::int64_t free_bytes() const override { return 0; }
-  UploadInfo start_upload(std::int64_t, const std::string&, const std::string&) override { not_here(); }
-  std::optional<UploadInfo> find_upload(const std::string&) const override { return {}; }
-  UploadInfo write_upload(const std::string&, std::int64_t, std::string_view) override { not_here(); }
-  UploadInfo commit_upload(const std::string&) override { not_here(); }
-
- private:
-  [[noreturn]] static void not_here() { throw std::logic_error("a worker has no uploads"); }
-
-  const BlobInfo surface_;
-  const std::string surface_path_, folder_;
-};
 
 [[noreturn]] void out_of_memory() { _exit(kOutOfMemoryExit); }
 
@@ -139,7 +105,7 @@ void mesh(wire::Order& order, Orders& orders, const MesherDoor& mesher) {
   BlobInfo surface;
   surface.id = order.request().surface().blob_id();
   surface.size = order.surface_bytes();
-  StagedBlobs blobs(surface, order.surface_path(), order.staging_folder());
+  const auto blobs = make_staged_blobs(surface, order.surface_path(), order.staging_folder());
   const MemoryGate gate = [&](const Estimate& estimate) {
     wire::Report report;
     *report.mutable_estimate() = to_wire(estimate);
@@ -152,7 +118,7 @@ void mesh(wire::Order& order, Orders& orders, const MesherDoor& mesher) {
     tell(report);
   };
   wire::Report report;
-  *report.mutable_result()->mutable_job() = run_mesh_job(order_of(order), blobs, mesher, orders.cancelled(), gate, sink);
+  *report.mutable_result()->mutable_job() = run_mesh_job(order_of(order), *blobs, mesher, orders.cancelled(), gate, sink);
   tell(report);
 }
 

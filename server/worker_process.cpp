@@ -33,7 +33,8 @@ bool take(int fd, const Sink& sink) {
 
 }  // namespace
 
-WorkerProcess::WorkerProcess(const std::string& program) : child_(program, {"stratad", kWorkerFlag, std::to_string(getpid())}) {}
+WorkerProcess::WorkerProcess(const std::string& program)
+    : program_(program), child_(program, {kProgramName, kWorkerFlag, std::to_string(getpid())}) {}
 
 void WorkerProcess::tell(const strata::worker::v1::Command& command) { static_cast<void>(write_message(child_.input(), command)); }
 

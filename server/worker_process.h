@@ -4,6 +4,7 @@
 #include <functional>
 #include <string>
 
+#include "server/backtrace.h"
 #include "server/child_process.h"
 #include "server/pipe_messages.h"
 #include "strata/worker/v1/worker.pb.h"
@@ -24,16 +25,17 @@ class WorkerProcess {
   // For news, some milliseconds at most.
   void wait_a_little() const;
   void kill() const;
-  // Makes it write where it is (backtrace_in(errors())), if it still can.
+  // Makes it say where it is, if it still can.
   void ask_where() const;
   // Waits for the end.
   ChildEnd end();
-  // The end of what it wrote to standard error.
-  [[nodiscard]] const std::string& errors() const { return errors_; }
+  // Where it said it was when it crashed or was asked; empty: it said nothing.
+  [[nodiscard]] std::string backtrace() const { return backtrace_in(errors_, program_); }
 
  private:
   void keep_errors();
 
+  const std::string program_;
   ChildProcess child_;
   MessageSplitter reports_;
   std::string errors_;

@@ -29,6 +29,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (messages != split(bytes, 3)) std::abort();
   strata::worker::v1::Report report;
   for (const std::string& message : messages) static_cast<void>(report.ParseFromString(message));
-  static_cast<void>(strata::server::backtrace_in("== backtrace\n" + bytes));
+  static_cast<void>(strata::server::backtrace_in("== backtrace\n" + bytes, ""));
   return 0;
 }

@@ -1,0 +1,184 @@
+// How jobs come to the desk: from clients, and from the store after a restart.
+#include <algorithm>
+#include <utility>
+
+#include "server/ids.h"
+#include "server/job_desk.h"
+#include "server/job_error.h"
+#include "server/refusal.h"
+#include "server/timestamps.h"
+
+namespace strata::server {
+namespace {
+
+constexpr std::size_t kShortQueue = 16;           // jobs; see prices_now
+constexpr double kRetrySeconds = 5;               // when nothing better is known
+constexpr std::int64_t kSequenceGap = 1'000'000;  // numbers that a run lost by a crash may have given to events nobody saved
+
+double steady_seconds(std::chrono::steady_clock::time_point at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
+
+}  // namespace
+
+// The order in which load is shed: going down, queue full, tenant's share full, disk full. Reading and cancelling are never refused.
+void JobDesk::check_room(const Lock&, const std::string& tenant) const {
+  const auto full = [this](const char* reason, const std::string& message) {
+    return Refusal(Refused::ResourceExhausted, reason, message).retry_after(seconds_until_room());
+  };
+  const auto waiting = static_cast<int>(queue_.size());
+  if (waiting + arriving_ >= options_.queue_capacity) throw full("QUEUE_FULL", std::to_string(waiting) + " jobs are waiting already");
+  const TenantLimits limits = options_.limits_of(tenant);
+  if (limits.queued > 0 && static_cast<int>(queue_.size_of(tenant)) >= limits.queued)
+    throw full("TENANT_QUOTA", "this tenant may have " + std::to_string(limits.queued) + " jobs waiting");
+}
+
+void JobDesk::check_storage(const std::string& tenant) const {
+  const auto full = [this](const char* reason, const std::string& message) {
+    const Lock lock(mutex_);
+    return Refusal(Refused::ResourceExhausted, reason, message).retry_after(seconds_until_room());
+  };
+  const TenantLimits limits = options_.limits_of(tenant);
+  if (limits.bytes > 0 && jobs_.usage(tenant).bytes >= limits.bytes)
+    throw full("TENANT_QUOTA", "the results of this tenant take the " + std::to_string(limits.bytes) + " bytes it may have: delete some");
+  if (options_.disk_reserve_bytes > 0 && blobs_.free_bytes() < options_.disk_reserve_bytes)
+    throw full("STORAGE_FULL", "the server is short of disk space");
+}
+
+// Guessed from the jobs of late, and spread a little, so that not everybody comes back at once.
+double JobDesk::seconds_until_room() const {
+  const double a_slot = typical_wall_ / std::max(1, runner_.slots());
+  const double spread = 0.2 * static_cast<double>(std::hash<std::int64_t>{}(Clock::now().time_since_epoch().count()) % 1000) / 1000;
+  return std::clamp(a_slot, 1.0, 60.0) * (1 + spread);
+}
+
+std::optional<JobDesk::Created> JobDesk::known_request(const std::string& tenant, const std::string& request_id,
+                                                       const std::string& fingerprint) const {
+  if (request_id.empty()) return {};
+  const auto known = jobs_.find_request(tenant, request_id);
+  if (!known) return {};
+  if (known->fingerprint == fingerprint) return Created{known->job, true};
+  throw Refusal(Refused::AlreadyExists, "REQUEST_ID_REUSED", "request_id was used for another request, job " + known->job.job_id())
+      .at("request_id");
+}
+
+void JobDesk::store_inline_surface(const std::string& tenant, v1::CreateJobRequest& request) {
+  if (!request.surface().has_data()) return;
+  const auto writer = blobs_.create(owner_key(tenant));
+  writer->write(request.surface().data());
+  request.mutable_surface()->set_blob_id(writer->publish().id);
+}
+
+// Behind a long queue there is time enough to price a job when its turn comes; looking at each that comes would only keep the cores from the
+// jobs that run.
+bool JobDesk::prices_now() const {
+  const Lock lock(mutex_);
+  const bool must_wait = running_ + arriving_ >= runner_.slots() || queue_.size() > 0;
+  return must_wait && queue_.size() < kShortQueue;
+}
+
+JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest request, Estimating estimating) {
+  const std::string fingerprint = fingerprint_of(request);
+  if (auto known = known_request(caller.tenant, request.request_id(), fingerprint)) return *known;
+  if (draining_) throw Refusal(Refused::Unavailable, "DRAINING", "the server is shutting down").retry_after(kRetrySeconds);
+  admission_.check(caller, request);
+  {
+    const Lock lock(mutex_);
+    check_room(lock, caller.tenant);
+    ++arriving_;
+  }
+  const auto arrived = [this] {
+    const Lock lock(mutex_);
+    --arriving_;
+  };
+  try {
+    check_storage(caller.tenant);
+    const auto cost = admission_.cost(request, prices_now() ? estimating : Estimating::Known);
+    store_inline_surface(caller.tenant, request);
+    Created created = store(std::move(request), cost, caller, fingerprint);
+    arrived();
+    return created;
+  } catch (...) {
+    arrived();
+    throw;
+  }
+}
+
+// Durable first, then in the queue.
+JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const std::optional<v1::Estimate>& cost, const Caller& caller,
+                                const std::string& fingerprint) {
+  const std::string& tenant = caller.tenant;
+  auto live = std::make_unique<Live>();
+  v1::Job& job = live->stored.job;
+  job.set_job_id(random_id());
+  job.set_tenant(tenant);
+  job.set_traceparent(caller.traceparent);
+  job.set_state(v1::JOB_STATE_QUEUED);
+  job.set_display_name(request.display_name());
+  *job.mutable_labels() = request.labels();
+  job.set_priority(request.priority());
+  *job.mutable_create_time() = timestamp_now();
+  *job.mutable_spec() = request.spec();
+  job.set_generator(options_.generator);
+  if (cost) *job.mutable_estimate() = *cost;
+  const std::string surface = request.surface().blob_id();
+  live->stored.request = std::move(request);
+  live->stored.fingerprint = fingerprint;
+  live->created = Clock::now();
+  v1::WatchJobResponse queued;
+  queued.mutable_state_changed()->set_state(v1::JOB_STATE_QUEUED);
+  blobs_.touch(surface);
+  if (!jobs_.insert(live->stored, log(Lock(), *live, std::move(queued)))) {
+    // Another call with the same request id was quicker.
+    if (auto known = known_request(tenant, live->stored.request.request_id(), fingerprint)) return *known;
+    throw Refusal(Refused::Unavailable, "STORAGE_FAILED", "the job could not be stored").retry_after(kRetrySeconds);
+  }
+  live->saved_events = live->log.size();
+  const std::string id = job.job_id();
+  if (!blobs_.find(surface)) {
+    jobs_.remove(id);
+    throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "surface.blob_id: the blob was removed meanwhile").at("surface.blob_id");
+  }
+  const Lock lock(mutex_);
+  Live& kept = *(live_[id] = std::move(live));
+  queue_.push(id, tenant, job.priority(), steady_seconds(kept.created));
+  schedule(lock);
+  return {shown(lock, kept), false};
+}
+
+void JobDesk::resume_stored_jobs() {
+  const Lock lock(mutex_);
+  for (StoredJob& stored : jobs_.unfinished()) resume(lock, std::move(stored));
+  schedule(lock);
+}
+
+// False when the job has been started too often: it may be what ends the server each time.
+bool JobDesk::resume(const Lock& lock, StoredJob stored) {
+  const std::string id = stored.job.job_id();
+  auto live = std::make_unique<Live>();
+  live->log = jobs_.events(id, 0);
+  live->saved_events = live->log.size();
+  live->stored = std::move(stored);
+  live->created = Clock::now();
+  v1::Job& job = live->stored.job;
+  const bool deadly = options_.max_starts > 0 && job.attempt() >= options_.max_starts;
+  job.set_last_sequence(job.last_sequence() + kSequenceGap);
+  if (deadly) {
+    job = ended(*live, ended_badly(job_error(13, "POISON_JOB",
+                                             "the server ended " + std::to_string(job.attempt()) + " times while it ran this job")));
+    v1::WatchJobResponse event;
+    event.mutable_state_changed()->set_state(job.state());
+    jobs_.update(job, {log(lock, *live, std::move(event))});
+    return false;
+  }
+  if (job.state() == v1::JOB_STATE_RUNNING) {
+    job.set_state(v1::JOB_STATE_QUEUED);
+    job.clear_progress();
+    v1::WatchJobResponse queued;
+    queued.mutable_state_changed()->set_state(v1::JOB_STATE_QUEUED);
+    log(lock, *live, std::move(queued));
+  }
+  queue_.push(id, job.tenant(), job.priority(), steady_seconds(live->created));
+  live_[id] = std::move(live);
+  return true;
+}
+
+}  // namespace strata::server
