@@ -7,6 +7,10 @@
 // large steps take minutes and gigabytes.
 #include <benchmark/benchmark.h>
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -77,8 +81,14 @@ MeshSpec spec_of(const Body& body, double size) {
   return spec;
 }
 
-// Linux forgets the highest memory so far when asked; elsewhere the peak of the process stands for that of the run.
-void forget_peak_memory() { std::ofstream("/proc/self/clear_refs") << "5\n"; }
+// What earlier runs left in the allocator goes back, and Linux forgets the highest memory so far; elsewhere the peak of the process stands
+// for that of the run.
+void forget_peak_memory() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+  std::ofstream("/proc/self/clear_refs") << "5\n";
+}
 
 void report(benchmark::State& state, const strata::Outcome& outcome) {
   const auto hexes = static_cast<double>(outcome.mesh.hexes.size());
