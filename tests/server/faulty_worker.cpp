@@ -57,6 +57,7 @@ Outcome misbehave(const TriangleSoup& soup, const MeshSpec& spec, Context& conte
     break_down_here(SIGSEGV);
   if (what == "wait")
     for (;; std::this_thread::sleep_for(std::chrono::milliseconds(2))) context.progress(0.5, 1);
+  if (what == "slow") std::this_thread::sleep_for(std::chrono::milliseconds(500));
   FakeMesher good;
   return good.door().generate(soup, spec, context, {});
 }

@@ -151,6 +151,22 @@ TEST_F(ProcessRunner, ACrashIsTriedAgainOnceAndToldWithStageAndBacktrace) {
   }
 }
 
+TEST_F(ProcessRunner, WhateverHappensBesideItAJobMakesTheSameMesh) {
+  const auto digest_of = [](const Run& run) { return run.job.artifacts_size() == 1 ? run.job.artifacts(0).blob().sha256() : "none"; };
+  const std::string alone = digest_of(wait(start("slow")));
+  ASSERT_EQ(alone.size(), 32u);
+  for (const char* fault : {"segv", "abort", "killed", "exit", "throw", "greedy"}) {
+    const std::string beside = start("slow");
+    const Run faulty = wait(start(fault));
+    EXPECT_EQ(faulty.job.state(), v1::JOB_STATE_FAILED);
+    EXPECT_EQ(digest_of(wait(beside)), alone) << fault;
+  }
+  const std::string beside = start("slow"), looping = start("loop");
+  EXPECT_EQ(digest_of(wait(beside)), alone);
+  runner_->cancel(looping, Stop::OutOfTime);
+  EXPECT_NE(wait(looping).job.state(), v1::JOB_STATE_SUCCEEDED);
+}
+
 TEST_F(ProcessRunner, ASecondTryMaySucceed) {
   const std::string mark = folder_ + "/mark";
   std::ofstream(mark) << "crash once";
