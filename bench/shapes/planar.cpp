@@ -8,6 +8,7 @@
 #include <numbers>
 #include <optional>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 namespace strata::shapes {
@@ -80,7 +81,9 @@ std::optional<Bridge> shortest_bridge(const Plane& at, const Row& polygon, const
       bridges.push_back({std::hypot(a[0] - b[0], a[1] - b[1]), i, j});
     }
   }
-  std::stable_sort(bridges.begin(), bridges.end(), [](const Bridge& a, const Bridge& b) { return a.length < b.length; });
+  std::sort(bridges.begin(), bridges.end(), [](const Bridge& a, const Bridge& b) {
+    return std::tie(a.length, a.in_polygon, a.in_hole) < std::tie(b.length, b.in_polygon, b.in_hole);
+  });
   for (const auto& bridge : bridges) {
     if (sees(at, polygon[bridge.in_polygon], hole[bridge.in_hole], borders)) return bridge;
   }
