@@ -62,12 +62,6 @@ v1::MeshSpec typed_spec(const v1::MeshSpec& wire, const MesherDoor& mesher) {
   return to_wire(spec);
 }
 
-std::string digest_of(const std::string& bytes) {
-  wire::Sha256 sha;
-  sha.add(bytes);
-  return sha.finish();
-}
-
 // Rings after a while, for what should not take longer.
 class Alarm {
  public:
@@ -90,6 +84,12 @@ class Alarm {
 
 Refusal invalid_field(const std::string& field, const std::string& message) {
   return Refusal(Refused::InvalidArgument, "REQUEST_INVALID", field + ": " + message).at(field);
+}
+
+std::string digest_of(const std::string& bytes) {
+  wire::Sha256 sha;
+  sha.add(bytes);
+  return sha.finish();
 }
 
 std::string fingerprint_of(const v1::CreateJobRequest& request) { return digest_of(canonical_bytes(request)); }

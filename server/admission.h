@@ -20,6 +20,9 @@ namespace strata::server {
 // A field of a request is wrong.
 Refusal invalid_field(const std::string& field, const std::string& message);
 
+// SHA-256.
+std::string digest_of(const std::string& bytes);
+
 // Equal requests have equal fingerprints.
 std::string fingerprint_of(const v1::CreateJobRequest& request);
 

@@ -139,7 +139,7 @@ void JobDesk::forget(const std::string& job_id) {
   jobs_.remove(job_id);
   for (const v1::Artifact& artifact : stored->job.artifacts()) blobs_.remove(artifact.blob().blob_id());
   const std::string& surface = stored->request.surface().blob_id();
-  if (!jobs_.uses(surface)) blobs_.remove(surface);
+  remove_unused_blob(surface);
 }
 
 // ---- watching

@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -59,10 +60,9 @@ class JobDesk {
     v1::Job job;
     bool existing = false;
   };
-  // Durable on return. Throws Refusal, MeshError or JobRefused. A job that must wait is priced before it does, when `estimating` allows; one
-  // that can run at once prices itself.
-  Created create(const Caller& caller, v1::CreateJobRequest request, Estimating estimating = Estimating::Now);
-  // Would create() take its time to price a job that came now?
+  // Durable on return. Throws Refusal, MeshError or JobRefused.
+  Created create(const Caller& caller, v1::CreateJobRequest request, Estimating estimating = Estimating::Known);
+  // Should a job that comes now be priced first? One that can run at once prices itself.
   [[nodiscard]] bool prices_now() const;
   // Jobs of other tenants do not exist for a caller: NOT_FOUND.
   v1::Job get(const Caller& caller, const std::string& job_id) const;
@@ -124,7 +124,9 @@ class JobDesk {
   [[nodiscard]] double seconds_until_room() const;
   [[nodiscard]] std::optional<Created> known_request(const std::string& tenant, const std::string& request_id,
                                                      const std::string& fingerprint) const;
-  void store_inline_surface(const std::string& tenant, v1::CreateJobRequest& request);
+  class Pin;
+  std::unique_ptr<Pin> pin_surface(const std::string& tenant, v1::CreateJobRequest& request);
+  void remove_unused_blob(const std::string& blob_id);
   Created store(v1::CreateJobRequest request, const std::optional<v1::Estimate>& cost, const Caller& caller,
                 const std::string& fingerprint);
   void schedule(const Lock& lock);
@@ -168,6 +170,8 @@ class JobDesk {
   std::map<std::string, double> typical_cost_;  // tenant: core seconds of its jobs of late
   double typical_wall_ = 10;  // seconds of the jobs of late
   std::atomic<bool> draining_ = false;
+  std::mutex pinning_;
+  std::multiset<std::string> pinned_;  // surfaces of jobs that are being stored
   bool closing_ = false;  // what is cancelled from now on was not cancelled by its owner
   std::vector<std::weak_ptr<Watcher>> watchers_;  // all, for the tick
   std::size_t ticks_ = 0;

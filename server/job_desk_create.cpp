@@ -60,11 +60,46 @@ std::optional<JobDesk::Created> JobDesk::known_request(const std::string& tenant
       .at("request_id");
 }
 
-void JobDesk::store_inline_surface(const std::string& tenant, v1::CreateJobRequest& request) {
-  if (!request.surface().has_data()) return;
-  const auto writer = blobs_.create(owner_key(tenant));
-  writer->write(request.surface().data());
-  request.mutable_surface()->set_blob_id(writer->publish().id);
+// No job uses this blob yet, but one will: it stays.
+class JobDesk::Pin {
+ public:
+  Pin(JobDesk& desk, std::string blob_id) : desk_(desk), blob_id_(std::move(blob_id)) {
+    const std::lock_guard lock(desk_.pinning_);
+    desk_.pinned_.insert(blob_id_);
+  }
+  ~Pin() {
+    const std::lock_guard lock(desk_.pinning_);
+    desk_.pinned_.erase(desk_.pinned_.find(blob_id_));
+  }
+  Pin(const Pin&) = delete;
+  Pin& operator=(const Pin&) = delete;
+
+ private:
+  JobDesk& desk_;
+  const std::string blob_id_;
+};
+
+void JobDesk::remove_unused_blob(const std::string& blob_id) {
+  const std::lock_guard lock(pinning_);
+  if (!pinned_.contains(blob_id) && !jobs_.uses(blob_id)) blobs_.remove(blob_id);
+}
+
+// The surface of a request as a blob that stays. One that came with the request before need not be stored again.
+std::unique_ptr<JobDesk::Pin> JobDesk::pin_surface(const std::string& tenant, v1::CreateJobRequest& request) {
+  v1::Surface& surface = *request.mutable_surface();
+  if (!surface.has_data()) return std::make_unique<Pin>(*this, surface.blob_id());
+  const std::string owner = owner_key(tenant);
+  if (const auto known = blobs_.find_digest(digest_of(surface.data()), owner)) {
+    auto pin = std::make_unique<Pin>(*this, known->id);
+    if (blobs_.find(known->id)) {  // else it was removed before it was pinned
+      surface.set_blob_id(known->id);
+      return pin;
+    }
+  }
+  const auto writer = blobs_.create(owner);
+  writer->write(surface.data());
+  surface.set_blob_id(writer->publish().id);
+  return std::make_unique<Pin>(*this, surface.blob_id());
 }
 
 // Behind a long queue there is time enough to price a job when its turn comes; looking at each that comes would only keep the cores from the
@@ -91,8 +126,8 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
   };
   try {
     check_storage(caller.tenant);
-    const auto cost = admission_.cost(request, prices_now() ? estimating : Estimating::Known);
-    store_inline_surface(caller.tenant, request);
+    const auto cost = admission_.cost(request, estimating);
+    const auto pin = pin_surface(caller.tenant, request);
     Created created = store(std::move(request), cost, caller, fingerprint);
     arrived();
     return created;

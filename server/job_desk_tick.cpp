@@ -133,8 +133,7 @@ void JobDesk::sweep_blobs(std::int64_t now) {
   };
   blobs_.drop_uploads_idle_since(time(kUploadsKept));
   if (options_.surface_ttl_seconds <= 0) return;
-  for (const std::string& id : blobs_.idle_since(time(std::chrono::duration<double>(options_.surface_ttl_seconds))))
-    if (!jobs_.uses(id)) blobs_.remove(id);
+  for (const std::string& id : blobs_.idle_since(time(std::chrono::duration<double>(options_.surface_ttl_seconds)))) remove_unused_blob(id);
 }
 
 }  // namespace strata::server

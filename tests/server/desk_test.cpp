@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <limits>
 #include <thread>
+#include <vector>
 
 #include "server/ids.h"
 #include "tests/server/server_fixture.h"
@@ -181,6 +182,51 @@ TEST_F(Desk, TheServersLimitOfCellsIsInEverySpecification) {
   EXPECT_EQ(create(request).spec().sizing().max_cells(), 50);
   request.mutable_spec()->mutable_sizing()->set_max_cells(5000);
   EXPECT_EQ(create(request).spec().sizing().max_cells(), 1000);
+}
+
+TEST_F(Desk, TheSameInlineSurfaceIsStoredOnceAndStaysWhileAJobUsesIt) {
+  start();
+  const v1::Job first = wait_final(create(tetrahedron_job()).job_id());
+  mesher_.hold();
+  const std::string second = create(tetrahedron_job()).job_id();
+  std::string surface;
+  EXPECT_EQ(jobs_->find(second)->request.surface().blob_id(), surface = jobs_->find(first.job_id())->request.surface().blob_id());
+  v1::DeleteJobRequest request;
+  request.set_job_id(first.job_id());
+  desk_->remove({}, request);
+  EXPECT_TRUE(blobs_->find(surface));
+  mesher_.release();
+  EXPECT_EQ(wait_final(second).state(), v1::JOB_STATE_SUCCEEDED);
+  request.set_job_id(second);
+  desk_->remove({}, request);
+  EXPECT_FALSE(blobs_->find(surface));
+}
+
+// A surface that goes with its last job, while the next one with the same comes.
+TEST_F(Desk, AnAcceptedJobNeverLosesItsSurface) {
+  TestOptions options;
+  options.slots = 2;
+  start(options);
+  std::atomic<bool> enough = false;
+  std::atomic<int> lost = 0, made = 0;
+  std::vector<std::thread> clients;
+  for (int c = 0; c < 4; ++c)
+    clients.emplace_back([&] {
+      while (!enough) {
+        const std::string id = desk_->create({}, tetrahedron_job()).job.job_id();
+        for (v1::Job job; !is_final(job.state()); std::this_thread::yield()) job = desk_->get({}, id);
+        if (desk_->get({}, id).state() != v1::JOB_STATE_SUCCEEDED) ++lost;
+        v1::DeleteJobRequest request;
+        request.set_job_id(id);
+        desk_->remove({}, request);
+        ++made;
+      }
+    });
+  std::this_thread::sleep_for(1s);
+  enough = true;
+  for (std::thread& client : clients) client.join();
+  EXPECT_EQ(lost, 0);
+  EXPECT_GT(made, 10);
 }
 
 TEST_F(Desk, UrgentJobsOvertake) {
