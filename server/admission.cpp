@@ -3,8 +3,6 @@
 #include <grpcpp/support/status_code_enum.h>
 
 #include <cmath>
-#include <condition_variable>
-#include <mutex>
 #include <set>
 #include <thread>
 #include <utility>
@@ -62,20 +60,20 @@ v1::MeshSpec typed_spec(const v1::MeshSpec& wire, const MesherDoor& mesher) {
   return to_wire(spec);
 }
 
-// Rings after a while, for what should not take longer.
+// Rings after a while, for what should not take longer, or when something else does.
 class Alarm {
  public:
-  explicit Alarm(std::chrono::duration<double> after)
-      : thread_([this, after](const std::stop_token& stop) {
-          std::mutex mutex;
-          std::unique_lock lock(mutex);
-          std::condition_variable_any never;
-          never.wait_for(lock, stop, after, [] { return false; });
+  Alarm(std::chrono::duration<double> after, const std::atomic<bool>& other)
+      : thread_([this, after, &other](const std::stop_token& stop) {
+          const auto until = std::chrono::steady_clock::now() + after;
+          while (!stop.stop_requested() && !other && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(kLook);
           rang_ = true;
         }) {}
   [[nodiscard]] const std::atomic<bool>& rang() const { return rang_; }
 
  private:
+  static constexpr std::chrono::milliseconds kLook{5};
+
   std::atomic<bool> rang_ = false;
   std::jthread thread_;
 };
@@ -139,14 +137,14 @@ std::string Admission::cost_key(const v1::Surface& surface, const v1::MeshSpec& 
   return Estimates::key(blob ? blob->sha256 : surface.blob_id(), surface, spec);
 }
 
-std::optional<v1::Estimate> Admission::cost(const v1::CreateJobRequest& request, Estimating estimating) {
+std::optional<v1::Estimate> Admission::cost(const v1::CreateJobRequest& request, PriceUnless unless) {
   const std::string key = cost_key(request.surface(), request.spec());
   if (auto known = estimates_.find(key)) {
     refuse_what_never_fits(known->memory_bytes(), options_.memory_budget_bytes);
     return known;
   }
-  if (estimating == Estimating::Known) return {};
-  const Alarm alarm(options_.estimate_within);
+  if (unless == nullptr) return {};
+  const Alarm alarm(options_.estimate_within, *unless);
   const CheckOrder order{request.surface(), request.spec(), options_.threads, CheckDepth::Cost};
   Checked checked = checker_.check(order, alarm.rang());
   if (checked.error && checked.error->code() == grpc::StatusCode::RESOURCE_EXHAUSTED) throw JobRefused(std::move(*checked.error));

@@ -34,10 +34,8 @@ struct AdmissionOptions {
   std::chrono::duration<double> estimate_within{10};  // else a job is admitted without
 };
 
-enum class Estimating {
-  Known,  // costs that are known from before
-  Now,  // else the surface is looked at: takes a while
-};
+// Look at a surface to price its job, which takes a while, unless this rises; null: only costs that are known from before count.
+using PriceUnless = const std::atomic<bool>*;
 
 // Safe to call from any thread.
 class Admission {
@@ -48,7 +46,7 @@ class Admission {
   void check(const Caller& caller, v1::CreateJobRequest& request) const;
   // What a checked request would cost, when that can be told. Throws MeshError or JobRefused (RESOURCE_EXHAUSTED, MEMORY_BUDGET_EXCEEDED, with
   // the figures) when it could never run here.
-  std::optional<v1::Estimate> cost(const v1::CreateJobRequest& request, Estimating estimating);
+  std::optional<v1::Estimate> cost(const v1::CreateJobRequest& request, PriceUnless unless);
   // What a run found out.
   void learn(const v1::CreateJobRequest& request, const v1::Estimate& estimate);
   // Throws Refusal, MeshError or JobRefused.

@@ -53,7 +53,7 @@ std::string ending_of(const v1::Surface& surface) {
     case v1::SURFACE_FORMAT_MEDIT:
     default: break;
   }
-  const std::string ending = fs::path(surface.file_name()).extension().string();
+  std::string ending = fs::path(surface.file_name()).extension().string();
   for (const char* known : {".stl", ".obj", ".off", ".ply", ".mesh", ".meshb"})
     if (ending == known) return ending;
   return surface.format() == v1::SURFACE_FORMAT_MEDIT ? ".meshb" : ".bin";

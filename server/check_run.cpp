@@ -16,7 +16,10 @@ namespace {
 // No cell takes less: a tree with more cells than the budget has room for need not be grown to know that it does not fit.
 constexpr std::int64_t kLeastBytesPerCell = 512;
 
-struct CostKnown {};  // ends a run
+// Ends a run as soon as it knows.
+struct CostKnown {
+  Estimate cost;
+};
 
 double value_of(const Diagnostic& diagnostic, const char* name) {
   for (const auto& [key, value] : diagnostic.values)
@@ -36,13 +39,11 @@ Estimate cost_of(TriangleSoup soup, MeshSpec spec, std::int64_t budget, const Me
   });
   Estimate cost;
   Observer observer;
-  observer.on_estimate = [&](const Estimate& estimate) {
-    cost = estimate;
-    throw CostKnown();
-  };
+  observer.on_estimate = [](const Estimate& estimate) { throw CostKnown{estimate}; };
   try {
     mesher.generate(std::move(soup), spec, context, observer);
-  } catch (const CostKnown&) {
+  } catch (const CostKnown& known) {
+    cost = known.cost;
   }
   const double times = larger * larger;
   const auto multiply = [times](std::int64_t& figure) { figure = static_cast<std::int64_t>(times * static_cast<double>(figure)); };

@@ -59,23 +59,23 @@ class GenerateCall final
 
   // Pricing a job takes its time: not on gRPC's threads.
   void end_of_surface() {
-    if (desk_.prices_now() && pool_.submit([this] { create_and_stream(Estimating::Now); })) return;
-    create_and_stream(Estimating::Known);
+    if (desk_.prices_now() && pool_.submit([this] { create_and_stream(&client_gone_); })) return;
+    create_and_stream(nullptr);
   }
 
-  void create_and_stream(Estimating estimating) {
-    const grpc::Status status = status_of([&] { create(estimating); });
+  void create_and_stream(PriceUnless unless) {
+    const grpc::Status status = status_of([&] { create(unless); });
     if (status.ok()) start_streaming();
     else fail(status);
   }
 
-  void create(Estimating estimating) {
+  void create(PriceUnless unless) {
     if (!opened_) throw invalid_field("open", "is missing");
     if (!upload_id_.empty()) {
       if (!upload_.blob) throw invalid_field("frame", "the surface ended before all of its bytes came");
       open_.mutable_job()->mutable_surface()->set_blob_id(upload_.blob->id);
     }
-    const std::string job_id = desk_.create(caller_, open_.job(), estimating).job.job_id();
+    const std::string job_id = desk_.create(caller_, open_.job(), unless).job.job_id();
     {
       const std::lock_guard lock(job_mutex_);
       job_id_ = job_id;

@@ -61,7 +61,7 @@ class JobDesk {
     bool existing = false;
   };
   // Durable on return. Throws Refusal, MeshError or JobRefused.
-  Created create(const Caller& caller, v1::CreateJobRequest request, Estimating estimating = Estimating::Known);
+  Created create(const Caller& caller, v1::CreateJobRequest request, PriceUnless unless = nullptr);
   // Should a job that comes now be priced first? One that can run at once prices itself.
   [[nodiscard]] bool prices_now() const;
   // Jobs of other tenants do not exist for a caller: NOT_FOUND.

@@ -110,7 +110,7 @@ bool JobDesk::prices_now() const {
   return must_wait && queue_.size() < kShortQueue;
 }
 
-JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest request, Estimating estimating) {
+JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest request, PriceUnless unless) {
   const std::string fingerprint = fingerprint_of(request);
   if (auto known = known_request(caller.tenant, request.request_id(), fingerprint)) return *known;
   if (draining_) throw Refusal(Refused::Unavailable, "DRAINING", "the server is shutting down").retry_after(kRetrySeconds);
@@ -126,7 +126,7 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
   };
   try {
     check_storage(caller.tenant);
-    const auto cost = admission_.cost(request, estimating);
+    const auto cost = admission_.cost(request, unless);
     const auto pin = pin_surface(caller.tenant, request);
     Created created = store(std::move(request), cost, caller, fingerprint);
     arrived();

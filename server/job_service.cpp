@@ -68,14 +68,14 @@ class JobService final : public v1::JobService::CallbackService {
     Caller caller;
     const grpc::Status status = status_of([&] { caller = gate_.admit(credentials_of(*context), Role::Submitter, CallKind::Submit); });
     auto* call = new SlowCall;
-    const auto create = [this, caller, request, response](Estimating estimating) {
-      JobDesk::Created created = desk_.create(caller, *request, estimating);
+    const auto create = [this, caller, request, response](PriceUnless unless) {
+      JobDesk::Created created = desk_.create(caller, *request, unless);
       *response->mutable_job() = std::move(created.job);
       response->set_existing(created.existing);
     };
     if (!status.ok()) call->Finish(status);
-    else if (!desk_.prices_now() || !pool_.submit([=] { call->run([&](const auto&) { create(Estimating::Now); }); }))
-      call->run([&](const auto&) { create(Estimating::Known); });
+    else if (!desk_.prices_now() || !pool_.submit([=] { call->run([&](const std::atomic<bool>& cancelled) { create(&cancelled); }); }))
+      call->run([&](const auto&) { create(nullptr); });
     return call;
   }
 

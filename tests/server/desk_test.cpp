@@ -6,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/context.h"
 #include "server/ids.h"
 #include "tests/server/server_fixture.h"
 
@@ -157,6 +158,17 @@ TEST_F(Priced, WhatARunFoundOutIsRememberedAndALongQueueIsNotPriced) {
   EXPECT_TRUE(job.has_estimate()) << "the first of its kind told while it ran";
   for (int i = 0; i < 20; ++i) ASSERT_TRUE(submit(other_job(0.1 + 0.01 * i), &job).ok());
   EXPECT_FALSE(job.has_estimate());
+}
+
+TEST_F(Priced, PricingEndsWhenItsCallerLeavesAndTheJobIsTaken) {
+  mesher_.before_estimate = [](const Context& context) {
+    for (;; std::this_thread::sleep_for(1ms)) context.checkpoint();
+  };
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + 300ms);
+  v1::CreateJobResponse response;
+  EXPECT_EQ(job_stub_->CreateJob(&context, other_job(0.3), &response).error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+  EXPECT_TRUE(within(5s, [&] { return desk_->load().queued == 1; }));
 }
 
 TEST_F(Priced, OneCallIsPricedToo) {

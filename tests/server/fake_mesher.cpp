@@ -62,6 +62,7 @@ Outcome FakeMesher::generate(const TriangleSoup& soup, Context& context) {
 
 MesherDoor FakeMesher::door() {
   return {[this](const TriangleSoup& soup, const MeshSpec&, Context& context, const Observer& observer) {
+            before_estimate(context);
             tell_estimate(soup, observer);
             return generate(soup, context);
           },

@@ -17,6 +17,7 @@ class FakeMesher {
   int hexes = 1;  // in the mesh it makes
   std::int64_t needed_memory = 0;
   std::function<void()> on_generate = [] {};
+  std::function<void(const Context&)> before_estimate = [](const Context&) {};
 
  private:
   Outcome generate(const TriangleSoup& soup, Context& context);
