@@ -117,7 +117,7 @@ class Resume(Case):
                 surface = write_binary_stl(self.folder / f"{seed}.stl", self.triangles[seed:] + self.triangles[:seed])
                 self.assertGreater(surface.stat().st_size, 2.5e6)
                 packing = PACKINGS[seed % 2]
-                proxy = self.proxy(seed=seed, cuts=3, span=(1000, 1500000 if packing == "never" else 700000))
+                proxy = self.proxy(seed=seed, cuts=3, span=(1000, 1500000 if packing == "never" else 160000))
                 result = self.expect(run("--server", proxy.address, "--compress", packing, "submit", surface, "--spec", self.coarse), 0)
                 self.assertGreater(proxy.broken, 0)
                 job = result.stdout.strip()
