@@ -1,11 +1,11 @@
 #include "server/check_run.h"
 
-#include <algorithm>
 #include <new>
 #include <utility>
 
 #include "core/base/parallel.h"
 #include "core/mesher.h"
+#include "server/cell_cap.h"
 #include "server/convert.h"
 #include "server/job_error.h"
 #include "server/refusal.h"
@@ -13,43 +13,25 @@
 namespace strata::server {
 namespace {
 
-// No cell takes less: a tree with more cells than the budget has room for need not be grown to know that it does not fit.
-constexpr std::int64_t kLeastBytesPerCell = 512;
-
 // Ends a run as soon as it knows.
 struct CostKnown {
   Estimate cost;
 };
 
-double value_of(const Diagnostic& diagnostic, const char* name) {
-  for (const auto& [key, value] : diagnostic.values)
-    if (key == name) return value;
-  return 0;
-}
-
-// What the run itself will reserve: the same door up to the octree. A tree that outgrows the budget is grown for larger cells instead, and its
-// cost multiplied as that of a surface would be, which is the least.
+// What the run itself will reserve: the same door up to the octree.
 Estimate cost_of(TriangleSoup soup, MeshSpec spec, std::int64_t budget, const MesherDoor& mesher, const std::atomic<bool>& cancelled) {
-  const std::int64_t most = budget / kLeastBytesPerCell;
-  const bool capped = most > 0 && spec.sizing.max_cells.value_or(most + 1) > most;
-  if (capped) spec.sizing.max_cells = most;
-  double larger = 1;
-  Context context(&cancelled, {}, [&](const Diagnostic& adjustment) {
-    if (capped && value_of(adjustment, "max_cells") > 0) larger = std::max(larger, value_of(adjustment, "factor"));
-  });
-  Estimate cost;
+  CellCap cap;
+  cap.put_on(spec, budget);
+  Context context(&cancelled, {}, [&](const Diagnostic& adjustment) { cap.hear(adjustment); });
+  Estimate grown;
   Observer observer;
   observer.on_estimate = [](const Estimate& estimate) { throw CostKnown{estimate}; };
   try {
     mesher.generate(std::move(soup), spec, context, observer);
   } catch (const CostKnown& known) {
-    cost = known.cost;
+    grown = known.cost;
   }
-  const double times = larger * larger;
-  const auto multiply = [times](std::int64_t& figure) { figure = static_cast<std::int64_t>(times * static_cast<double>(figure)); };
-  for (std::int64_t* figure : {&cost.octree_cells, &cost.hexes, &cost.memory_bytes}) multiply(*figure);
-  cost.cpu_seconds *= times;
-  return cost;
+  return cap.of_what_was_asked(grown);
 }
 
 void fill(const CheckReport& report, v1::ValidateJobResponse& response) {

@@ -73,6 +73,7 @@ class Attempt {
     order.set_surface_bytes(blobs_.find(surface)->size);
     order.set_staging_folder(folder_);
     order.set_memory_limit_bytes(memory_limit_);
+    order.set_memory_budget_bytes(memory_.budget());
     worker_.tell(command);
   }
 

@@ -9,6 +9,7 @@
 #include "core/base/parallel.h"
 #include "core/io/mesh_io.h"
 #include "core/mesher.h"
+#include "server/cell_cap.h"
 #include "server/convert.h"
 #include "server/job_error.h"
 #include "server/progress_meter.h"
@@ -87,9 +88,10 @@ void tell_quality(v1::Stage stage, const v1::Quality& quality, const EventSink& 
   sink(std::move(event));
 }
 
-Observer observer_of(const MemoryGate& gate, const EventSink& sink) {
+Observer observer_of(const CellCap& cap, const MemoryGate& gate, const EventSink& sink) {
   Observer observer;
-  observer.on_estimate = [&](const Estimate& estimate) {
+  observer.on_estimate = [&](const Estimate& grown) {
+    const Estimate estimate = cap.of_what_was_asked(grown);
     v1::WatchJobResponse event;
     *event.mutable_estimate() = to_wire(estimate);
     sink(std::move(event));
@@ -99,14 +101,16 @@ Observer observer_of(const MemoryGate& gate, const EventSink& sink) {
   return observer;
 }
 
-void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const Observer& observer,
+void produce(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, CellCap& cap, const MemoryGate& gate,
              const EventSink& sink, v1::Job& job) {
   context.begin(Stage::Read);
   const v1::Surface& surface = order.request.surface();
   const auto blob = blobs.find(surface.blob_id());
   if (!blob) throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "the surface of the job is no longer stored");
   TriangleSoup soup = read_wire_surface(surface, read_all(blobs, *blob));
-  const Outcome outcome = mesher.generate(std::move(soup), from_wire(order.request.spec()), context, observer);
+  MeshSpec spec = from_wire(order.request.spec());
+  cap.put_on(spec, order.memory_budget_bytes);
+  const Outcome outcome = mesher.generate(std::move(soup), spec, context, observer_of(cap, gate, sink));
   record_outcome(outcome, job);
   tell_quality(v1::STAGE_MEASURE_QUALITY, job.quality(), sink);
 
@@ -129,11 +133,10 @@ rusage process_usage() {
   return usage;
 }
 
-void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, const MemoryGate& gate,
+void run_guarded(const JobOrder& order, BlobStore& blobs, const MesherDoor& mesher, Context& context, CellCap& cap, const MemoryGate& gate,
                  const EventSink& sink, v1::Job& job) {
   try {
-    const Observer observer = observer_of(gate, sink);
-    with_threads(order.threads, [&] { produce(order, blobs, mesher, context, observer, sink, job); });
+    with_threads(order.threads, [&] { produce(order, blobs, mesher, context, cap, gate, sink, job); });
     job.set_state(v1::JOB_STATE_SUCCEEDED);
   } catch (const MeshError& error) {
     job = ended_badly(to_wire(error));  // nothing of a result stays
@@ -154,9 +157,11 @@ v1::Job run_mesh_job(const JobOrder& order, BlobStore& blobs, const MesherDoor& 
   const rusage before = process_usage();
   ProgressMeter meter(sink);
   Context* watched = nullptr;
+  CellCap cap;
   Context context(
       &cancel, [&](const Progress& progress) { meter.report(progress, watched->stages()); },
       [&](const Diagnostic& adjustment) {
+        cap.hear(adjustment);
         v1::WatchJobResponse event;
         *event.mutable_adjustment() = to_wire(adjustment);
         sink(std::move(event));
@@ -164,7 +169,7 @@ v1::Job run_mesh_job(const JobOrder& order, BlobStore& blobs, const MesherDoor& 
   watched = &context;
 
   v1::Job job;
-  run_guarded(order, blobs, mesher, context, gate, sink, job);
+  run_guarded(order, blobs, mesher, context, cap, gate, sink, job);
   if (job.has_error()) {
     job.mutable_error()->set_stage(meter.stage());
     context.end();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -22,6 +23,7 @@ struct JobOrder {
   std::string owner;  // of the results
   std::string traceparent;
   double queue_seconds = 0;
+  std::int64_t memory_budget_bytes = 0;  // of all jobs together; 0: no limit. The runner knows it
 };
 
 // What happens on the way, without sequence: progress (at most 10 a second), stage_ended, estimate, quality, adjustment. Called from one

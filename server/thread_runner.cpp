@@ -61,6 +61,7 @@ class ThreadRunner final : public JobRunner {
         waiting_.pop_front();
         cancelled = cancelled_[task.order.job_id];
       }
+      task.order.memory_budget_bytes = memory_.budget();
       const MemoryGate gate = [&](const Estimate& estimate) { wait_for_memory(task.order.job_id, estimate, *cancelled); };
       v1::Job result = run_mesh_job(task.order, blobs_, mesher_, *cancelled, gate, task.on_event);
       memory_.release(task.order.job_id);

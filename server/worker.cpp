@@ -99,7 +99,9 @@ void tell(const wire::Report& report) {
   if (!write_message(STDOUT_FILENO, report)) _exit(0);
 }
 
-JobOrder order_of(wire::Order& order) { return {order.job_id(), std::move(*order.mutable_request()), order.threads(), {}, {}, 0}; }
+JobOrder order_of(wire::Order& order) {
+  return {order.job_id(), std::move(*order.mutable_request()), order.threads(), {}, {}, 0, order.memory_budget_bytes()};
+}
 
 void mesh(wire::Order& order, Orders& orders, const MesherDoor& mesher) {
   BlobInfo surface;

@@ -1,5 +1,6 @@
 """What is wrong ends in one message that names it, one exit status, and no file."""
 import json
+import time
 import unittest
 
 from support import *
@@ -104,6 +105,20 @@ class Refused(Case):
         for command in (["show"], ["watch"], ["wait"], ["cancel"], ["delete"], ["get", "-o", self.folder / "x.vtu"]):
             with self.subTest(command[0]):
                 self.expect(self.server.run(*command, "aaaaaaaaaaaaaaaaaaaaaaaaaa"), 5, "aaaaaaaaaaaaaaaaaaaaaaaaaa")
+
+
+class Absurd(Case):
+    server_flags = ("--slots", "1", "--memory", "256MiB")
+
+    def test_what_could_never_fit_is_refused_soon_whoever_finds_out(self):
+        surface = cube(self.folder / "cube.stl")
+        spec = write_spec(self.folder / "absurd.json", {"sizing": {"max_size": 0.0002}})
+        begun = time.time()
+        result = self.server.run("mesh", surface, "--spec", spec, "-o", self.folder / "a.vtu")
+        self.expect(result, 10, "MEMORY_BUDGET_EXCEEDED", "256 MiB")
+        self.expect(self.server.run("submit", surface, "--spec", spec), 10, "MEMORY_BUDGET_EXCEEDED", "256 MiB")
+        self.expect(self.server.run("check", surface, "--spec", spec), 3)
+        self.assertLess(time.time() - begun, 20 * SLOW)
 
 
 if __name__ == "__main__":
