@@ -25,8 +25,10 @@ void CellCap::put_on(MeshSpec& spec, std::int64_t memory_budget_bytes) {
   on_ = true;
 }
 
-void CellCap::hear(const Diagnostic& adjustment) {
-  if (on_ && value_of(adjustment, "max_cells") > 0) larger_ = std::max(larger_, value_of(adjustment, "factor"));
+bool CellCap::hear(const Diagnostic& adjustment) {
+  if (!on_ || value_of(adjustment, "max_cells") == 0) return false;
+  larger_ = std::max(larger_, value_of(adjustment, "factor"));
+  return true;
 }
 
 Estimate CellCap::of_what_was_asked(Estimate grown) const {

@@ -16,8 +16,8 @@ class CellCap {
  public:
   // Bounds the cells of the specification by what the memory could hold at the very least. A budget of 0 is none.
   void put_on(MeshSpec& spec, std::int64_t memory_budget_bytes);
-  // Of the run: was it the cap that made cells larger?
-  void hear(const Diagnostic& adjustment);
+  // Of the run. True when it was the cap that made cells larger: nobody asked for that, and nobody will get it.
+  bool hear(const Diagnostic& adjustment);
   // The estimate of what was asked for, given that of what was grown: more than the budget when the cap was reached.
   [[nodiscard]] Estimate of_what_was_asked(Estimate grown) const;
 

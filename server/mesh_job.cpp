@@ -161,7 +161,7 @@ v1::Job run_mesh_job(const JobOrder& order, BlobStore& blobs, const MesherDoor& 
   Context context(
       &cancel, [&](const Progress& progress) { meter.report(progress, watched->stages()); },
       [&](const Diagnostic& adjustment) {
-        cap.hear(adjustment);
+        if (cap.hear(adjustment)) return;
         v1::WatchJobResponse event;
         *event.mutable_adjustment() = to_wire(adjustment);
         sink(std::move(event));

@@ -116,6 +116,7 @@ class Absurd(Case):
         begun = time.time()
         result = self.server.run("mesh", surface, "--spec", spec, "-o", self.folder / "a.vtu")
         self.expect(result, 10, "MEMORY_BUDGET_EXCEEDED", "256 MiB")
+        self.assertNotIn("SIZE_COARSENED", result.stderr)
         self.expect(self.server.run("submit", surface, "--spec", spec), 10, "MEMORY_BUDGET_EXCEEDED", "256 MiB")
         self.expect(self.server.run("check", surface, "--spec", spec), 3)
         self.assertLess(time.time() - begun, 20 * SLOW)
