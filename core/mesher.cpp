@@ -14,7 +14,7 @@
 #include "core/estimate.h"
 #include "core/features/features.h"
 #include "core/fit/fit.h"
-#include "core/fit/fit_features.h"
+#include "core/fit_features.h"
 #include "core/fit/part_contacts.h"
 #include "core/fit/retreat.h"
 #include "core/ladder.h"

@@ -17,6 +17,8 @@ constexpr int kSweeps = 20;
 constexpr int kRings = 3;           // of vertices round those that are let go, that take part
 constexpr int kMargin = 2;          // rings of hexes round them that stay still
 constexpr int kPolishRounds = 3;
+constexpr double kGoal = 0.4;       // scaled Jacobian of the last polish
+constexpr int kLastRounds = 4;
 constexpr double kCalmJacobian = 0.05;
 constexpr double kOnSurface = 1e-9;  // working frame: rounding
 constexpr double kTouching = 1e-8;   // working frame: two boundary vertices so near are taken for one by whoever reads the mesh
@@ -202,6 +204,11 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     features += free_near(part.mesh, widened(part.mesh, std::move(near), round), ground, round >= kFreeingRound, context);
     put_back(part, mesh);
     bad = bad_hexes(mesh);
+  }
+  if (features > 0 && bad.empty()) {  // what was freed can do better now
+    OptimiseRequest request;
+    request.ground = &ground;
+    mesh = polish(std::move(mesh), request, kGoal, kLastRounds, context).mesh;
   }
   result.bad = static_cast<std::int64_t>(bad.size());
   if (features > 0) {

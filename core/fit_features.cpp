@@ -1,4 +1,4 @@
-#include "core/fit/fit_features.h"
+#include "core/fit_features.h"
 
 #include <utility>
 
