@@ -107,7 +107,7 @@ std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& fea
   }
   const IdMap<CurveId, std::int32_t> held = vertices_on(mesh, features);
   for (CurveId c : bad.ids())
-    if (held[c] > 0 && bad[c] > kMostBad * held[c]) result.push_back(c);
+    if (bad[c] > kMostBad * held[c]) result.push_back(c);
   std::sort(result.begin(), result.end());
   result.erase(std::unique(result.begin(), result.end()), result.end());
   return result;

@@ -19,6 +19,8 @@ constexpr int kMargin = 2;          // rings of hexes round them that stay still
 constexpr int kPolishRounds = 3;
 constexpr double kGoal = 0.4;       // scaled Jacobian of the last polish
 constexpr int kLastRounds = 4;
+constexpr double kPoorest = 0.1;    // scaled Jacobian: for hexes below, features on them may go
+constexpr std::size_t kFew = 64;    // such hexes; more are in the nature of the surface
 constexpr double kCalmJacobian = 0.05;
 constexpr double kOnSurface = 1e-9;  // working frame: rounding
 constexpr double kTouching = 1e-8;   // working frame: two boundary vertices so near are taken for one by whoever reads the mesh
@@ -169,6 +171,41 @@ std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near,
   return loosened.features;
 }
 
+std::vector<HexId> hexes_below(const HexMesh& mesh, double least) {
+  std::vector<std::uint8_t> below(mesh.hexes.size(), 0);
+  parallel_for(below.size(), [&](std::size_t i) {
+    std::array<Vec3, 8> corners;
+    for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
+    below[i] = corner_scaled_jacobian(corners) < least ? 1 : 0;
+  });
+  std::vector<HexId> result;
+  for (std::size_t i = 0; i < below.size(); ++i)
+    if (below[i] != 0) result.emplace_back(i);
+  return result;
+}
+
+// Few hexes that are valid but very poor cost the features at them, when that helps; then what was freed is polished once more.
+void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Context& context) {
+  const std::vector<HexId> poor = hexes_below(mesh, kPoorest);
+  HexMesh better = mesh;
+  std::int64_t freed = 0;
+  if (!poor.empty() && poor.size() < kFew) {
+    const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, poor);
+    MeshPart part = cut_part(mesh, marked, kRings + kMargin);
+    IdMap<VertexId, std::uint8_t> near(part.mesh.position.size());
+    for (VertexId v : near.ids()) near[v] = marked[part.whole[v]];
+    freed = free_near(part.mesh, near, ground, false, context);
+    put_back(part, better);
+  }
+  if (features == 0 && freed == 0) return;
+  OptimiseRequest request;
+  request.ground = &ground;
+  better = polish(std::move(better), request, kGoal, kLastRounds, context).mesh;
+  if (!bad_hexes(better).empty() || (freed > 0 && hexes_below(better, kPoorest).size() >= poor.size())) return;
+  mesh = std::move(better);
+  features += freed;
+}
+
 }  // namespace
 
 std::vector<HexId> bad_hexes(const HexMesh& mesh) {
@@ -205,11 +242,7 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     put_back(part, mesh);
     bad = bad_hexes(mesh);
   }
-  if (features > 0 && bad.empty()) {  // what was freed can do better now
-    OptimiseRequest request;
-    request.ground = &ground;
-    mesh = polish(std::move(mesh), request, kGoal, kLastRounds, context).mesh;
-  }
+  if (bad.empty()) improve(mesh, features, ground, context);
   result.bad = static_cast<std::int64_t>(bad.size());
   if (features > 0) {
     diagnostic.count = features;
