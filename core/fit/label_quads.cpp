@@ -65,7 +65,7 @@ IdMap<ChartId, ChartId> merged_charts(const Features& features, const IdMap<Char
   std::vector<ChartId> order(group.size());
   for (ChartId c : group.ids()) order[c.index()] = c;
   const auto key = [&](ChartId c) { return std::tie(group[c], features.patch_of_chart[c]); };
-  std::stable_sort(order.begin(), order.end(), [&](ChartId a, ChartId b) { return key(a) < key(b); });
+  std::sort(order.begin(), order.end(), [&](ChartId a, ChartId b) { return key(a) != key(b) ? key(a) < key(b) : a < b; });
   for (std::size_t i = 0; i < order.size(); ++i)
     into[order[i]] = i > 0 && key(order[i]) == key(order[i - 1]) ? into[order[i - 1]] : order[i];
   return into;

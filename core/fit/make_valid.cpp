@@ -119,8 +119,8 @@ IdMap<VertexId, std::uint8_t> coincident_vertices(const HexMesh& mesh) {
     const auto meets = [&](std::size_t j) { return (mesh.position[order[j]] - p).norm() < kTouching; };
     for (std::size_t j = i + 1; j < order.size() && mesh.position[order[j]].x() - p.x() < kTouching; ++j)
       if (meets(j)) result[order[i]] = 1;
-    for (std::size_t j = i; j-- > 0 && p.x() - mesh.position[order[j]].x() < kTouching;)
-      if (meets(j)) result[order[i]] = 1;
+    for (std::size_t j = i; j > 0 && p.x() - mesh.position[order[j - 1]].x() < kTouching; --j)
+      if (meets(j - 1)) result[order[i]] = 1;
   });
   return result;
 }
