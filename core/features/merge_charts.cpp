@@ -13,8 +13,8 @@ Features merge_charts(Features features, const IdMap<ChartId, ChartId>& into) {
   }
   for (Corner& corner : features.corners) {
     for (ChartAngle& angle : corner.charts) angle.chart = image(angle.chart);
-    std::stable_sort(corner.charts.begin(), corner.charts.end(),
-                     [](const ChartAngle& a, const ChartAngle& b) { return a.chart < b.chart; });
+    std::sort(corner.charts.begin(), corner.charts.end(),
+              [](const ChartAngle& a, const ChartAngle& b) { return a.chart != b.chart ? a.chart < b.chart : a.angle < b.angle; });
     std::vector<ChartAngle> sums;
     for (const ChartAngle& angle : corner.charts) {
       if (sums.empty() || sums.back().chart != angle.chart) sums.push_back(angle);
