@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kLetGoRounds = 4;  // of letting creases go, before what is left is freed on the spot
 constexpr int kMostRounds = 7;   // in all: where freeing could not make hexes valid, all creases round them go
+constexpr std::size_t kFew = 64; // bad hexes, that freeing the vertices round them costs less than any crease
 constexpr Goals kArrived{.bad = 0, .poor = 0};        // what is inverted still
 constexpr Goals kSettled{.bad = 0.03, .poor = 0.30};
 
@@ -47,7 +48,8 @@ FeatureFit fit_features(const HexMesh& smooth, const Ground& ground, Context& co
     const bool may_let_go = round < kLetGoRounds;
     const GiveWay rule = round == 0 ? GiveWay::Weakest : GiveWay::All;
     mesh = arrive_at_features(std::move(mesh), here, context);
-    if (may_let_go && give_way(creases_in_the_way(mesh, features, let_go, rule, kArrived), let_go)) continue;
+    if (may_let_go && bad_hexes(mesh).size() > kFew && give_way(creases_in_the_way(mesh, features, let_go, rule, kArrived), let_go))
+      continue;
     mesh = settle_on_features(std::move(mesh), here, context);
     if (may_let_go && give_way(creases_in_the_way(mesh, features, let_go, rule, kSettled), let_go)) continue;
 

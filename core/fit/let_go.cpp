@@ -11,7 +11,7 @@
 namespace strata {
 namespace {
 
-constexpr double kMostBad = 0.1;  // bad hexes at a curve that is not faint, over its vertices: fewer are mended on the spot
+constexpr double kMostBad = 0.5;  // bad hexes at a curve that is not faint, over its vertices: fewer are mended on the spot
 constexpr double kFaint = std::numbers::pi / 3;  // a crease inside one chart that turns by less is often noise of the triangulation
 
 // Patches are kept: their borders are not for us.
