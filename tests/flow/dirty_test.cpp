@@ -58,12 +58,9 @@ void run_damaged(unsigned seed) {
   }
 }
 
-TEST(Dirty, RandomDamageEndsWithASoundMeshOrARefusal) {
-  for (unsigned seed = 0; seed < 12; ++seed) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
-    run_damaged(seed);
-  }
-}
+class RandomDamage : public ::testing::TestWithParam<unsigned> {};
+TEST_P(RandomDamage, EndsWithASoundMeshOrARefusal) { run_damaged(GetParam()); }
+INSTANTIATE_TEST_SUITE_P(Dirty, RandomDamage, ::testing::Range(0U, 12U));
 
 }  // namespace
 }  // namespace strata
