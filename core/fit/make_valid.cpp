@@ -171,37 +171,49 @@ std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near,
   return loosened.features;
 }
 
-std::vector<HexId> hexes_below(const HexMesh& mesh, double least) {
-  std::vector<std::uint8_t> below(mesh.hexes.size(), 0);
-  parallel_for(below.size(), [&](std::size_t i) {
+// Frees what the hexes and `rings` rings round them hold, working on their surroundings alone. Returns how many features that cost.
+std::int64_t free_round(HexMesh& mesh, const std::vector<HexId>& hexes, int rings, bool off_surface, const Ground& ground,
+                        Context& context) {
+  const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, hexes);
+  MeshPart part = cut_part(mesh, marked, rings + kRings + kMargin);
+  IdMap<VertexId, std::uint8_t> near(part.mesh.position.size());
+  for (VertexId v : near.ids()) near[v] = marked[part.whole[v]];
+  const std::int64_t features = free_near(part.mesh, widened(part.mesh, std::move(near), rings), ground, off_surface, context);
+  put_back(part, mesh);
+  return features;
+}
+
+// Ascending.
+template <class Wanted>
+std::vector<HexId> hexes_where(const HexMesh& mesh, const Wanted& wanted) {
+  std::vector<std::uint8_t> is_wanted(mesh.hexes.size(), 0);
+  parallel_for(is_wanted.size(), [&](std::size_t i) {
     std::array<Vec3, 8> corners;
     for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
-    below[i] = corner_scaled_jacobian(corners) < least ? 1 : 0;
+    is_wanted[i] = wanted(corners) ? 1 : 0;
   });
   std::vector<HexId> result;
-  for (std::size_t i = 0; i < below.size(); ++i)
-    if (below[i] != 0) result.emplace_back(i);
+  for (std::size_t i = 0; i < is_wanted.size(); ++i)
+    if (is_wanted[i] != 0) result.emplace_back(i);
   return result;
+}
+
+std::vector<HexId> poorest_hexes(const HexMesh& mesh) {
+  return hexes_where(mesh, [](const std::array<Vec3, 8>& corners) { return corner_scaled_jacobian(corners) < kPoorest; });
 }
 
 // Few hexes that are valid but very poor cost the features at them, when that helps; then what was freed is polished once more.
 void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Context& context) {
-  const std::vector<HexId> poor = hexes_below(mesh, kPoorest);
+  const std::vector<HexId> poor = poorest_hexes(mesh);
+  const bool may_free = !poor.empty() && poor.size() < kFew;
+  if (features == 0 && !may_free) return;
   HexMesh better = mesh;
-  std::int64_t freed = 0;
-  if (!poor.empty() && poor.size() < kFew) {
-    const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, poor);
-    MeshPart part = cut_part(mesh, marked, kRings + kMargin);
-    IdMap<VertexId, std::uint8_t> near(part.mesh.position.size());
-    for (VertexId v : near.ids()) near[v] = marked[part.whole[v]];
-    freed = free_near(part.mesh, near, ground, false, context);
-    put_back(part, better);
-  }
+  const std::int64_t freed = may_free ? free_round(better, poor, 0, false, ground, context) : 0;
   if (features == 0 && freed == 0) return;
   OptimiseRequest request;
   request.ground = &ground;
   better = polish(std::move(better), request, kGoal, kLastRounds, context).mesh;
-  if (!bad_hexes(better).empty() || (freed > 0 && hexes_below(better, kPoorest).size() >= poor.size())) return;
+  if (!bad_hexes(better).empty() || (freed > 0 && poorest_hexes(better).size() >= poor.size())) return;
   mesh = std::move(better);
   features += freed;
 }
@@ -209,16 +221,7 @@ void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Contex
 }  // namespace
 
 std::vector<HexId> bad_hexes(const HexMesh& mesh) {
-  std::vector<std::uint8_t> bad(mesh.hexes.size(), 0);
-  parallel_for(mesh.hexes.size(), [&](std::size_t i) {
-    std::array<Vec3, 8> corners;
-    for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
-    bad[i] = scaled_jacobian(corners) > kLeastJacobian ? 0 : 1;
-  });
-  std::vector<HexId> result;
-  for (std::size_t i = 0; i < bad.size(); ++i)
-    if (bad[i]) result.push_back(HexId(i));
-  return result;
+  return hexes_where(mesh, [](const std::array<Vec3, 8>& corners) { return !(scaled_jacobian(corners) > kLeastJacobian); });
 }
 
 FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
@@ -234,19 +237,15 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     const std::vector<HexId> parted = part_coincident(mesh);
     bad.insert(bad.end(), parted.begin(), parted.end());
     if (bad.empty()) break;
-    const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, bad);
-    MeshPart part = cut_part(mesh, marked, round + kRings + kMargin);
-    IdMap<VertexId, std::uint8_t> near(part.mesh.position.size());
-    for (VertexId v : near.ids()) near[v] = marked[part.whole[v]];
-    features += free_near(part.mesh, widened(part.mesh, std::move(near), round), ground, round >= kFreeingRound, context);
-    put_back(part, mesh);
+    features += free_round(mesh, bad, round, round >= kFreeingRound, ground, context);
     bad = bad_hexes(mesh);
   }
   if (bad.empty()) improve(mesh, features, ground, context);
   result.bad = static_cast<std::int64_t>(bad.size());
   if (features > 0) {
     diagnostic.count = features;
-    diagnostic.message = std::to_string(features) + " feature vertices were let go, because hexes at them would not be valid; refine there";
+    diagnostic.message =
+        std::to_string(features) + " feature vertices were let go, because hexes at them would be inverted or very poor; refine there";
     result.let_go = std::move(diagnostic);
   }
   measure_distance(mesh, ground, result);
