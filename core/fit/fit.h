@@ -61,7 +61,8 @@ HexMesh arrive_at_features(HexMesh mesh, const Ground& ground, Context& context)
 HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context);
 
 // Frees hexes that are still bad, giving up as little as possible and only near them: first features (vertices slide on the surface), then
-// the surface (vertices leave it, and are led back as far as hexes stay valid). `bad` of the result is 0 unless all that failed.
+// the surface (vertices leave it and are led back, or at last only as near as hexes stay valid: those count as `relaxed`). `bad` of the result
+// is 0 unless all that failed.
 FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context);
 
 // Hexes that are not valid, ascending.

@@ -4,6 +4,7 @@
 #include "core/base/context.h"
 #include "core/base/parallel.h"
 #include "core/fit/fit.h"
+#include "core/mesh/adjacency.h"
 #include "core/mesh/part.h"
 #include "core/optimise/optimise.h"
 #include "core/quality/quality.h"
@@ -13,6 +14,10 @@ namespace {
 
 constexpr int kRounds = 5;          // each gives up more, on a wider ring
 constexpr int kFreeingRound = 2;    // from this round on vertices may leave the surface
+constexpr int kStayRounds = 3;      // after them: vertices that leave the surface come back only as near as hexes allow
+constexpr int kStayRings = 2;       // of hexes round the bad ones, one more each round
+constexpr int kApproaches = 4;
+constexpr int kApproachHalvings = 5;
 constexpr int kSweeps = 20;
 constexpr int kRings = 3;           // of vertices round those that are let go, that take part
 constexpr int kMargin = 2;          // rings of hexes round them that stay still
@@ -54,19 +59,25 @@ Box box_of(const HexMesh& mesh, const std::vector<HexId>& hexes, const Frame& fr
   return box;
 }
 
+enum class Freedom {
+  Slide,    // on the surface, off features
+  Leave,    // off the surface, and led back to it
+  StayOff,  // led back only as near as hexes stay valid
+};
+
 struct Loosened {
   std::int64_t features = 0;   // vertices that left their curve or corner
   std::vector<VertexId> freed; // vertices that may leave the surface
 };
 
-Loosened loosen(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, bool off_surface) {
+Loosened loosen(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, Freedom freedom) {
   Loosened result;
   for (VertexId v : near.ids()) {
     Attachment& attachment = mesh.attachment[v];
     if (near[v] == 0 || attachment.hold == Hold::Free || attachment.hold == Hold::Fixed) continue;
     if (attachment.hold == Hold::Curve || attachment.hold == Hold::Corner) ++result.features;
     attachment = {Hold::Chart, kWholeSurface};
-    if (!off_surface) continue;
+    if (freedom == Freedom::Slide) continue;
     attachment = {Hold::Free, -1};
     result.freed.push_back(v);
   }
@@ -152,9 +163,35 @@ std::vector<HexId> part_coincident(HexMesh& mesh) {
   return round;
 }
 
+// One after the other the vertices go towards the surface, as far as the hexes round each do not get poorer than kCalmJacobian or, if they
+// are, than they were.
+void approach(HexMesh& mesh, const std::vector<VertexId>& vertices, const Ground& ground) {
+  const VertexStars<HexId> star = hexes_round_vertices(mesh);
+  const auto poorest = [&](VertexId v) {
+    double worst = 1;
+    for (HexId h : star.of(v)) {
+      std::array<Vec3, 8> corners;
+      for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[h][c]];
+      worst = std::min({worst, corner_scaled_jacobian(corners), scaled_jacobian(corners)});
+    }
+    return worst;
+  };
+  for (int i = 0; i < kApproaches; ++i)
+    for (VertexId v : vertices) {
+      const double needed = std::min(kCalmJacobian, poorest(v));
+      const Vec3 from = mesh.position[v], way = ground.project(mesh.attachment[v], from).position - from;
+      double share = 1;
+      for (int halving = 0; halving <= kApproachHalvings; ++halving, share *= 0.5) {
+        mesh.position[v] = from + share * way;
+        if (poorest(v) >= needed) break;
+        mesh.position[v] = from;
+      }
+    }
+}
+
 // Returns how many vertices left their curve or corner.
-std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, const Ground& ground, bool off_surface, Context& context) {
-  const Loosened loosened = loosen(mesh, near, off_surface);
+std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, const Ground& ground, Freedom freedom, Context& context) {
+  const Loosened loosened = loosen(mesh, near, freedom);
   OptimiseRequest request;
   request.ground = &ground;
   request.seeds = &near;
@@ -166,19 +203,20 @@ std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near,
   mesh = polish(std::move(mesh), request, kCalmJacobian, kPolishRounds, context).mesh;
   if (!loosened.freed.empty()) {  // lead them back
     for (VertexId v : loosened.freed) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
-    mesh = optimise(std::move(mesh), request, options, context).mesh;
+    if (freedom == Freedom::StayOff) approach(mesh, loosened.freed, ground);
+    else mesh = optimise(std::move(mesh), request, options, context).mesh;
   }
   return loosened.features;
 }
 
 // Frees what the hexes and `rings` rings round them hold, working on their surroundings alone. Returns how many features that cost.
-std::int64_t free_round(HexMesh& mesh, const std::vector<HexId>& hexes, int rings, bool off_surface, const Ground& ground,
+std::int64_t free_round(HexMesh& mesh, const std::vector<HexId>& hexes, int rings, Freedom freedom, const Ground& ground,
                         Context& context) {
   const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, hexes);
   MeshPart part = cut_part(mesh, marked, rings + kRings + kMargin);
   IdMap<VertexId, std::uint8_t> near(part.mesh.position.size());
   for (VertexId v : near.ids()) near[v] = marked[part.whole[v]];
-  const std::int64_t features = free_near(part.mesh, widened(part.mesh, std::move(near), rings), ground, off_surface, context);
+  const std::int64_t features = free_near(part.mesh, widened(part.mesh, std::move(near), rings), ground, freedom, context);
   put_back(part, mesh);
   return features;
 }
@@ -208,7 +246,7 @@ void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Contex
   const bool may_free = !poor.empty() && poor.size() < kFew;
   if (features == 0 && !may_free) return;
   HexMesh better = mesh;
-  const std::int64_t freed = may_free ? free_round(better, poor, 0, false, ground, context) : 0;
+  const std::int64_t freed = may_free ? free_round(better, poor, 0, Freedom::Slide, ground, context) : 0;
   if (features == 0 && freed == 0) return;
   OptimiseRequest request;
   request.ground = &ground;
@@ -237,7 +275,11 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     const std::vector<HexId> parted = part_coincident(mesh);
     bad.insert(bad.end(), parted.begin(), parted.end());
     if (bad.empty()) break;
-    features += free_round(mesh, bad, round, round >= kFreeingRound, ground, context);
+    features += free_round(mesh, bad, round, round >= kFreeingRound ? Freedom::Leave : Freedom::Slide, ground, context);
+    bad = bad_hexes(mesh);
+  }
+  for (int round = 0; round < kStayRounds && !bad.empty(); ++round) {
+    features += free_round(mesh, bad, kStayRings + round, Freedom::StayOff, ground, context);
     bad = bad_hexes(mesh);
   }
   if (bad.empty()) improve(mesh, features, ground, context);
