@@ -156,4 +156,10 @@ void attach_copies(HexMesh& mesh, const IdMap<VertexId, VertexId>& inner_copy, c
   }
 }
 
+std::size_t tip_of(const HexVertices& prism) {
+  for (std::size_t i = 0; i < 4; ++i)
+    if (prism[i] == prism[i + 4] && prism[(i + 1) & 3] == prism[((i + 1) & 3) + 4]) return i;
+  return 0;
+}
+
 }  // namespace strata

@@ -31,6 +31,8 @@ struct Prisms {
   std::vector<HexVertices> hexes;
   std::vector<RegionId> region;
 };
+// Of the corners 0-3 the one where a prism's edge without height begins: it runs to the next.
+std::size_t tip_of(const HexVertices& prism);
 struct Collapsed {
   HexMesh mesh;
   std::vector<Prisms> prisms;   // of each sheet

@@ -9,6 +9,7 @@
 #include "core/layers/border_row.h"
 #include "core/layers/facets.h"
 #include "core/layers/grower.h"
+#include "core/layers/heal.h"
 #include "core/layers/plan.h"
 #include "core/layers/report.h"
 

@@ -1,16 +1,14 @@
 #include "core/layers/grower.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
 #include "core/base/context.h"
-#include "core/base/parallel.h"
 #include "core/layers/facets.h"
+#include "core/layers/heal.h"
 #include "core/layers/inflate.h"
 #include "core/mesh/adjacency.h"
-#include "core/quality/quality.h"
 #include "core/sheets/insert_sheet.h"
 
 namespace strata {
@@ -28,29 +26,13 @@ constexpr int kLastSweeps = 4;
 constexpr double kLeastQuality = 0.12;    // scaled Jacobian that physical layers may cost
 constexpr double kGoodQuality = 0.35;     // and that blending may cost
 constexpr double kShort = 0.97;           // of its wish: columns under it draw their neighbours down
-constexpr int kCuts = 8;                  // trials: each cuts more columns alike
-constexpr int kAlikeSweeps = 40;
+constexpr double kLeastEdge = 1e-5;       // of a hex's longest: columns that did not open
 
 double wish_of(const GrowingSheet& sheet, std::size_t c, Reach reach) {
   return reach == Reach::Full ? sheet.thickness[c] : std::min(sheet.needed[c], sheet.thickness[c]);
 }
 
-Vec3 corner_of(const HexMesh& mesh, HexId h, std::size_t i) { return mesh.position[mesh.hexes[h][i]]; }
-
 }  // namespace
-
-std::vector<HexId> not_positive(const HexMesh& mesh) {
-  std::vector<std::uint8_t> bad(mesh.hexes.size(), 0);
-  parallel_for(mesh.hexes.size(), [&](std::size_t h) {
-    std::array<Vec3, 8> c;
-    for (std::size_t i = 0; i < 8; ++i) c[i] = corner_of(mesh, HexId(h), i);
-    bad[h] = !(corner_scaled_jacobian(c) > 0 && scaled_jacobian(c) > 0);
-  });
-  std::vector<HexId> result;
-  for (std::size_t h = 0; h < bad.size(); ++h)
-    if (bad[h]) result.push_back(HexId(h));
-  return result;
-}
 
 Grower::Grower(HexMesh start, LayerPlan planned, const LayerRequest& request, Context& context)
     : mesh(std::move(start)), plan(std::move(planned)), request_(request), context_(context) {}
@@ -240,7 +222,7 @@ void Grower::collapse_wedges() {
   Collapsed collapsed = collapse_columns(std::move(mesh), vanishing);
   mesh = std::move(collapsed.mesh);
   for (std::size_t i = 0; i < sheets_.size(); ++i) {
-    sheets_[i].prisms = std::move(collapsed.prisms[i]);
+    sheets_[i].growing.prisms = std::move(collapsed.prisms[i]);
     const std::vector<VertexId>& gone = plan.groups[static_cast<std::size_t>(sheets_[i].group)].wedge_vertices;
     Columns kept;
     const Columns& all = sheets_[i].growing.columns;
@@ -298,6 +280,10 @@ void Grower::inflate() {
   remeasure();
   hold_back(Reach::Full, 1.0);
   advance({Reach::Full, 1.0, kLeastQuality, kLastSweeps});
+  std::vector<VertexId> in_prisms;
+  for (const GroupSheet& s : sheets_)
+    for (const HexVertices& prism : s.growing.prisms.hexes) in_prisms.insert(in_prisms.end(), prism.begin(), prism.end());
+  mesh = heal(std::move(mesh), in_prisms, kLeastEdge, request_.ground, context_);
   remeasure();
 }
 
@@ -315,95 +301,6 @@ std::vector<std::vector<double>> Grower::hold_back(Reach reach, double growth) {
     grade(mesh, g.columns, g.beside, g.thickness);
   }
   return before;
-}
-
-std::vector<Stack> Grower::stacks() {
-  std::vector<Stack> result;
-  fraction.assign(mesh.position.size(), -1);
-  for (std::size_t i = 0; i < sheets_.size(); ++i) {
-    const GroupSheet& s = sheets_[i];
-    Stack& stack = result.emplace_back();
-    stack.columns = s.growing.columns;
-    stack.cells = plan.groups[static_cast<std::size_t>(s.group)].count + s.blending;
-    stack.prisms = s.prisms;
-    const auto cells = static_cast<std::size_t>(stack.cells);
-    stack.level.resize(cells * stack.columns.size());
-    stack.straight.assign(stack.columns.size(), 0);
-    for (std::size_t c = 0; c < stack.columns.size(); ++c)
-      fraction[stack.columns.bottom[c]] =
-          column_fractions(s.laws[c], height_of(mesh, s.growing, c), std::span(stack.level).subspan(c * cells, cells));
-    even_out(stack, static_cast<std::int32_t>(i));
-  }
-  return result;
-}
-
-// A hex whose columns are cut at equal fractions is cut along its own coordinates: its layers are as positive as itself.
-void Grower::even_out(Stack& stack, std::int32_t sheet) {
-  const GroupSheet& s = sheets_[static_cast<std::size_t>(sheet)];
-  const auto cells = static_cast<std::size_t>(stack.cells);
-  std::vector<double> sum(stack.level.size());
-  std::vector<int> count(stack.columns.size());
-  for (int sweep = 0; sweep < kAlikeSweeps; ++sweep) {
-    std::fill(sum.begin(), sum.end(), 0.0);
-    std::fill(count.begin(), count.end(), 0);
-    for (const Alike& four : alike_) {
-      if (four.sheet != sheet) continue;
-      for (std::size_t k = 0; k < cells; ++k) {
-        double mean = 0;
-        for (const std::int32_t c : four.column) mean += 0.25 * stack.level[static_cast<std::size_t>(c) * cells + k];
-        for (const std::int32_t c : four.column) sum[static_cast<std::size_t>(c) * cells + k] += mean;
-      }
-      for (const std::int32_t c : four.column) ++count[static_cast<std::size_t>(c)];
-    }
-    for (std::size_t c = 0; c < count.size(); ++c)
-      for (std::size_t k = 0; count[c] > 0 && k < cells; ++k) stack.level[c * cells + k] = sum[c * cells + k] / count[c];
-  }
-  const auto last = static_cast<std::size_t>(plan.groups[static_cast<std::size_t>(s.group)].count - 1);
-  for (std::size_t c = 0; c < count.size(); ++c) {
-    if (count[c] == 0) continue;
-    stack.straight[c] = 1;
-    fraction[stack.columns.bottom[c]] = stack.level[c * cells + last] * height_of(mesh, s.growing, c) / physical_thickness(s.laws[c]);
-  }
-}
-
-// The groups are joined whole: a part of one that stayed apart from the rest would have to cross it where they are flush.
-void Grower::note_bad_crossing(std::span<const Guard::Crossing> crossings) {
-  const auto fronts = [&](const Guard::Crossing& c) -> const std::vector<FrontIndex>& {
-    return plan.groups[static_cast<std::size_t>(sheets_[static_cast<std::size_t>(c.sheet)].group)].fronts;
-  };
-  const auto join = [&](FrontIndex a, FrontIndex b) {
-    const std::pair<FrontIndex, FrontIndex> pair = std::minmax(a, b);
-    if (a != b && std::find(crossed_badly.begin(), crossed_badly.end(), pair) == crossed_badly.end()) crossed_badly.push_back(pair);
-  };
-  for (std::size_t i = 1; i < crossings.size(); ++i)
-    for (const FrontIndex a : fronts(crossings[i - 1])) {
-      join(a, fronts(crossings[i]).front());
-      for (const FrontIndex b : fronts(crossings[i])) join(fronts(crossings[i - 1]).front(), b);
-    }
-}
-
-void Grower::cut() {
-  const HexMesh coarse = mesh;
-  const Guard guard(coarse, growing());
-  for (int round = 0;; ++round) {
-    Sliced sliced = slice(coarse, stacks(), request_.ground);
-    const std::vector<HexId> bad = not_positive(sliced.mesh);
-    const std::size_t known = alike_.size();
-    HexId last;
-    for (HexId h : bad) {
-      const HexId parent = sliced.parent[h];
-      if (!parent.valid() || parent == last) continue;
-      last = parent;
-      for (const Guard::Crossing& crossing : guard.crossings(parent)) alike_.push_back({crossing.sheet, crossing.column});
-    }
-    if (bad.empty() || round == kCuts || alike_.size() == known) {
-      for (HexId h : bad)
-        if (sliced.parent[h].valid()) note_bad_crossing(guard.crossings(sliced.parent[h]));
-      mesh = std::move(sliced.mesh);
-      fraction.resize(mesh.position.size(), -1);
-      return;
-    }
-  }
 }
 
 }  // namespace strata

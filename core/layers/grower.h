@@ -35,7 +35,6 @@ struct GroupSheet {
   std::vector<ColumnLaw> laws;
   Columns measured;                    // those that stood before later sheets went in, and the gap in front of each
   std::vector<double> room;
-  Prisms prisms;
 };
 
 class Grower {
@@ -85,9 +84,7 @@ class Grower {
     std::array<std::int32_t, 4> column{};
   };
   std::vector<Alike> alike_;
+  [[nodiscard]] std::optional<Alike> prism_columns(std::int32_t prism) const;
 };
-
-// Hexes that are not positive at a corner or in the middle.
-std::vector<HexId> not_positive(const HexMesh& mesh);
 
 }  // namespace strata

@@ -13,6 +13,7 @@ namespace strata {
 
 struct GrowingSheet {
   Columns columns;
+  Prisms prisms;                                       // hexes that run out to nothing; not in the mesh while the sheet grows
   std::vector<Foot> feet;                              // of the columns
   std::vector<std::array<std::int32_t, 2>> beside;     // columns joined by an edge of the wall
   std::vector<double> thickness;                       // wanted, normal to the wall

@@ -65,6 +65,27 @@ Guard::Guard(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets) : fir
     }
   }
   first_[mesh.hexes.next_id()] = static_cast<std::int32_t>(crossings_.size());
+  for (const GrowingSheet& sheet : sheets)
+    for (const HexVertices& prism : sheet.prisms.hexes) {
+      const std::size_t a = tip_of(prism), b = (a + 1) & 3, c = (a + 2) & 3, d = (a + 3) & 3;
+      prisms_.push_back({prism[a], prism[d], prism[d + 4], prism[b], prism[c], prism[c + 4]});
+    }
+}
+
+double Guard::prism_quality(const HexMesh& mesh, const Prism& prism) {
+  std::array<Vec3, 6> p;
+  for (std::size_t i = 0; i < 6; ++i) p[i] = mesh.position[prism[i]];
+  double worst = 1;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t next = (i + 1) % 3, before = (i + 2) % 3;
+    const auto corner = [&](const Vec3& x, const Vec3& y, const Vec3& z) {
+      const double lengths = x.norm() * y.norm() * z.norm();
+      worst = std::min(worst, lengths > 0 ? x.dot(y.cross(z)) / lengths : 0.0);
+    };
+    corner(p[next] - p[i], p[before] - p[i], p[i + 3] - p[i]);
+    corner(p[before + 3] - p[i + 3], p[next + 3] - p[i + 3], p[i] - p[i + 3]);
+  }
+  return worst;
 }
 
 double Guard::quality(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, HexId h) const {

@@ -34,9 +34,16 @@ class Guard {
   [[nodiscard]] IdMap<HexId, HexTarget> targets(const std::vector<GrowingSheet>& sheets) const;
   [[nodiscard]] bool crossed(HexId h) const { return first_[h] < first_[HexId(h.value + 1)]; }
 
+  // Of all sheets: tip, foot and top of a column, the same on the other side; in that order they wind as corners 0, 1, 2 of a hex.
+  using Prism = std::array<VertexId, 6>;
+  [[nodiscard]] const std::vector<Prism>& prisms() const { return prisms_; }
+  // Smallest scaled Jacobian at its six corners; positive: so are the wedge hexes it is cut into at equal fractions.
+  [[nodiscard]] static double prism_quality(const HexMesh& mesh, const Prism& prism);
+
  private:
   IdMap<HexId, std::int32_t> first_;            // crossings of h: first_[h] .. first_[h + 1]
   std::vector<Crossing> crossings_;
+  std::vector<Prism> prisms_;
 };
 
 }  // namespace strata

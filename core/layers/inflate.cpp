@@ -7,6 +7,7 @@
 
 #include "core/base/context.h"
 #include "core/base/parallel.h"
+#include "core/layers/heal.h"
 #include "core/mesh/hex.h"
 #include "core/optimise/optimise.h"
 #include "core/quality/quality.h"
@@ -28,6 +29,9 @@ constexpr int kLateRings = 5;            // round tops that are late
 constexpr float kFactorSlope = 0.2F;     // of a step, that a vertex may go further than one in the same hex
 constexpr double kMostOfAll = 0.9;       // of the tops: the way of the others does not count for the number of steps
 constexpr int kHalvings = 4;             // of the moves round a bad hex, before they are given up for this step
+constexpr int kSettleTrials = 4;
+constexpr double kSettledPrism = 0.12;   // and that settling may not cost
+constexpr double kPrismQuality = 0.02;   // scaled Jacobian that prisms need
 constexpr double kProjectQuality = 0.15; // that drawing a held vertex to its ground may not cost
 
 std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
@@ -45,6 +49,11 @@ Vec3 off_ground(const HexMesh& mesh, const Ground& ground, VertexId v) {
 
 double wanted(const GrowingSheet& sheet, std::size_t c, Reach reach) {
   return sheet.feet[c].stretch * (reach == Reach::Full ? sheet.thickness[c] : std::min(sheet.needed[c], sheet.thickness[c]));
+}
+
+// Whether a move that led from one quality to another must not be.
+bool is_worse(double now, double before, double enough) {
+  return !(now >= enough || (now >= (before > 0 ? kNotMuchWorse * before : before) && (now > 0 || before <= 0)));
 }
 
 }  // namespace
@@ -97,22 +106,6 @@ Opened open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground)
 }
 
 namespace {
-
-// Mean edge lengths along the axes; an axis without length counts as a little.
-IdMap<HexId, HexTarget> proportions(const HexMesh& mesh) {
-  IdMap<HexId, HexTarget> result(mesh.hexes.size());
-  parallel_for(mesh.hexes.size(), [&](std::size_t i) {
-    const HexVertices& hex = mesh.hexes[HexId(i)];
-    std::array<double, 3> length{};
-    for (std::size_t e = 0; e < 12; ++e)
-      length[e / 4] += 0.25 * (mesh.position[hex[static_cast<std::size_t>(kHexEdges[e][0])]] -
-                               mesh.position[hex[static_cast<std::size_t>(kHexEdges[e][1])]])
-                                  .norm();
-    const double least = kOpening * kOpening * *std::max_element(length.begin(), length.end());
-    for (std::size_t axis = 0; axis < 3; ++axis) result[HexId(i)][axis] = static_cast<float>(std::max(length[axis], least));
-  });
-  return result;
-}
 
 int axis_of(const HexVertices& hex, VertexId a, VertexId b) {
   for (std::size_t e = 0; e < 12; ++e) {
@@ -283,6 +276,9 @@ HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sh
     if (dirty[h]) check.push_back(h);
   IdMap<HexId, float> before(mesh.hexes.size(), 0);
   parallel_for(check.size(), [&](std::size_t i) { before[check[i]] = static_cast<float>(guard_.quality(mesh, sheets, check[i])); });
+  const std::vector<Guard::Prism>& prisms = guard_.prisms();
+  std::vector<double> prism_before;
+  for (const Guard::Prism& prism : prisms) prism_before.push_back(Guard::prism_quality(mesh, prism));
   IdMap<VertexId, float> factor(mesh.position.size(), 1.0F);
   IdMap<VertexId, std::uint8_t> moves(mesh.position.size(), 0);   // 1: may; 2: is on the list of this round
   for (VertexId v : movers_) moves[v] = 1;
@@ -298,11 +294,14 @@ HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sh
     });
     std::vector<std::uint8_t> bad(check.size(), 0);
     parallel_for(check.size(), [&](std::size_t i) {
-      const double old = static_cast<double>(before[check[i]]);
-      const double now = guard_.quality(mesh, sheets, check[i]);
-      bad[i] = !(now >= floor || (now >= (old > 0 ? kNotMuchWorse * old : old) && (now > 0 || old <= 0)));
+      bad[i] = is_worse(guard_.quality(mesh, sheets, check[i]), static_cast<double>(before[check[i]]), floor);
     });
     changed.clear();
+    for (std::size_t i = 0; i < prisms.size(); ++i) {
+      if (!is_worse(Guard::prism_quality(mesh, prisms[i]), prism_before[i], kPrismQuality)) continue;
+      for (VertexId v : prisms[i])
+        if (factor[v] > 0 && moves[v] == 1) moves[v] = 2, changed.push_back(v);
+    }
     for (std::size_t i = 0; i < check.size(); ++i) {
       if (!bad[i]) continue;
       for (VertexId v : mesh.hexes[check[i]])
@@ -367,7 +366,21 @@ HexMesh Inflation::settle(HexMesh mesh, const std::vector<GrowingSheet>& sheets,
     request.seeds = &seeds;
     options.rings = kLateRings;
   }
-  return optimise(std::move(mesh), request, options, context).mesh;
+  const std::vector<Guard::Prism>& prisms = guard_.prisms();
+  if (prisms.empty()) return optimise(std::move(mesh), request, options, context).mesh;
+  // The optimiser does not see prisms: those it would spoil stay where they are.
+  std::vector<double> before;
+  for (const Guard::Prism& prism : prisms) before.push_back(Guard::prism_quality(mesh, prism));
+  for (int trial = 0;; ++trial) {
+    HexMesh settled = optimise(mesh, request, options, context).mesh;
+    bool spoilt = false;
+    for (std::size_t i = 0; i < prisms.size(); ++i) {
+      const bool still = trial + 1 >= kSettleTrials;
+      if (!still && !is_worse(Guard::prism_quality(settled, prisms[i]), before[i], kSettledPrism)) continue;
+      for (VertexId v : prisms[i]) spoilt = spoilt || movable[v] != 0, movable[v] = 0;
+    }
+    if (!spoilt) return settled;
+  }
 }
 
 Inflation::Advanced Inflation::advance(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, Context& context) const {

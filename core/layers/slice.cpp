@@ -5,13 +5,18 @@
 
 #include "core/base/parallel.h"
 #include "core/mesh/hex.h"
+#include "core/quality/quality.h"
 
 namespace strata {
 namespace {
 
+constexpr double kInOrder = 0.2;          // of a piece of a column, that is left of it on the ground
 constexpr double kWedgePush = 0.3;        // of the pair's height: opens the corner at the middle point from 180 to 147 degrees
 constexpr double kOnGround = 0.01;        // of a column's length: ends of a column that is on its ground are nearer than that
 constexpr double kMostWedgePush = 0.2;    // of the distance to the tip: what the next column can spare
+constexpr double kWedgeQuality = 0.3;     // scaled Jacobian: poorer wedge hexes look for a better middle point
+constexpr std::array kWedgePushes{0.05, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3, 1.6};  // of the push, that they try
+constexpr int kWedgeSweeps = 3;
 
 // The points of the columns of the stack being cut.
 struct Cut {
@@ -76,22 +81,33 @@ void place_points(HexMesh& mesh, const Cut& cut, const Ground& ground) {
   const auto inner = static_cast<std::size_t>(cut.cells() - 1), cells = static_cast<std::size_t>(cut.cells());
   mesh.position.resize(mesh.position.size() + columns.size() * inner, Vec3::Zero());
   mesh.attachment.resize(mesh.position.size());
+  if (inner == 0) return;
   parallel_for(columns.size(), [&](std::size_t c) {
     const Vec3 from = mesh.position[columns.bottom[c]], to = mesh.position[columns.top[c]];
     // Between ends that stay off the ground there is no way along it.
     const auto off = [&](const Vec3& p) { return (p - ground.project(held[c], p).position).norm(); };
     const bool straight = c < cut.stack->straight.size() && cut.stack->straight[c] != 0;
     const bool along = held[c].hold != Hold::Free && !straight && std::max(off(from), off(to)) <= kOnGround * (to - from).norm();
+    const auto point = [&](std::size_t i) { return VertexId(cut.first_new.index() + c * inner + i); };
+    const auto level = [&](std::size_t i) { return cut.stack->level[c * cells + i]; };
+    bool in_order = true;
+    double before = 0;   // of the way from end to end
     for (std::size_t i = 0; i < inner; ++i) {
-      const VertexId v(cut.first_new.index() + c * inner + i);
-      const Vec3 p = from + cut.stack->level[c * cells + i] * (to - from);
-      mesh.attachment[v] = held[c];
-      mesh.position[v] = along ? ground.project(held[c], p).position : p;
+      const Vec3 p = from + level(i) * (to - from);
+      mesh.attachment[point(i)] = held[c];
+      mesh.position[point(i)] = along ? ground.project(held[c], p).position : p;
+      const double way = (mesh.position[point(i)] - from).dot(to - from) / (to - from).squaredNorm();
+      in_order = in_order && way - before >= kInOrder * (level(i) - (i > 0 ? level(i - 1) : 0));
+      before = way;
     }
+    // Where the ground has a kink, points would come to lie on each other.
+    if (in_order && 1 - before >= kInOrder * (1 - level(inner - 1))) return;
+    for (std::size_t i = 0; i < inner; ++i) mesh.position[point(i)] = from + level(i) * (to - from);
   });
 }
 
-void cut_hexes(HexMesh& mesh, IdMap<HexId, HexId>& parent, const Cut& cut) {
+void cut_hexes(Sliced& sliced, const Cut& cut) {
+  HexMesh& mesh = sliced.mesh;
   const std::size_t count = mesh.hexes.size();
   std::vector<Crossing> crossing(count);
   std::vector<std::int64_t> at(count);
@@ -103,7 +119,8 @@ void cut_hexes(HexMesh& mesh, IdMap<HexId, HexId>& parent, const Cut& cut) {
   IdMap<HexId, HexVertices> hexes(total);
   IdMap<HexId, RegionId> region(total);
   IdMap<HexId, std::uint16_t> layer(total);
-  IdMap<HexId, HexId> from(total);
+  IdMap<HexId, HexId> parent(total);
+  IdMap<HexId, std::int32_t> prism(total);
   parallel_for(count, [&](std::size_t h) {
     const HexVertices& old = mesh.hexes[HexId(h)];
     const std::uint16_t under = mesh.layer[HexId(h)];
@@ -113,7 +130,8 @@ void cut_hexes(HexMesh& mesh, IdMap<HexId, HexId>& parent, const Cut& cut) {
     for (int k = 0; k < cells; ++k) {
       const HexId id(first + static_cast<std::size_t>(k));
       region[id] = mesh.region[HexId(h)];
-      from[id] = parent[HexId(h)];
+      parent[id] = sliced.parent[HexId(h)];
+      prism[id] = sliced.prism[HexId(h)];
       hexes[id] = old;
       layer[id] = under;
       if (x.axis < 0) continue;
@@ -130,7 +148,8 @@ void cut_hexes(HexMesh& mesh, IdMap<HexId, HexId>& parent, const Cut& cut) {
   mesh.hexes = std::move(hexes);
   mesh.region = std::move(region);
   mesh.layer = std::move(layer);
-  parent = std::move(from);
+  sliced.parent = std::move(parent);
+  sliced.prism = std::move(prism);
 }
 
 void cut_quads(HexMesh& mesh, const Cut& cut) {
@@ -201,15 +220,31 @@ void continue_columns(const Cut& cut, Stack& other) {
   }
 }
 
-// Corner k of a prism where the columns k and k+1 have no height.
-std::size_t tip_of(const HexVertices& prism) {
-  for (std::size_t i = 0; i < 4; ++i)
-    if (prism[i] == prism[i + 4] && prism[(i + 1) & 3] == prism[((i + 1) & 3) + 4]) return i;
-  return 0;
+// Cross-section of a wedge hex: the tip, then points 2j, 2j+1, 2j+2 of the column. `first`: what the stack's first prism is counted as.
+void add_wedge_hexes(Sliced& sliced, const Cut& cut, std::int32_t first) {
+  HexMesh& mesh = sliced.mesh;
+  for (std::size_t p = 0; p < cut.stack->prisms.hexes.size(); ++p) {
+    const HexVertices& prism = cut.stack->prisms.hexes[p];
+    const std::size_t i = tip_of(prism);
+    const VertexId a = prism[i], b = prism[(i + 1) & 3], c = prism[(i + 2) & 3], d = prism[(i + 3) & 3];
+    for (int k = 0; k + 2 <= cut.cells(); k += 2) {
+      mesh.hexes.push_back(
+          {a, cut.point(d, k), cut.point(d, k + 1), cut.point(d, k + 2), b, cut.point(c, k), cut.point(c, k + 1), cut.point(c, k + 2)});
+      mesh.region.push_back(cut.stack->prisms.region[p]);
+      mesh.layer.push_back(static_cast<std::uint16_t>(k + 1));
+      sliced.parent.push_back({});
+      sliced.prism.push_back(first + static_cast<std::int32_t>(p));
+    }
+  }
 }
 
-// Moves the middle point of each pair of layers away from the tip, so that the wedge hex has no straight corner.
-void push_middles(HexMesh& mesh, const Cut& cut) {
+// Middle points of pairs of layers, and the way each may go away from the tip.
+struct Middles {
+  std::vector<VertexId> vertex;  // ascending
+  std::vector<Vec3> start, push;
+};
+
+Middles middles_of(const HexMesh& mesh, const Cut& cut) {
   IdMap<VertexId, Vec3> away(mesh.position.size(), Vec3::Zero());
   std::vector<VertexId> feet;
   for (const HexVertices& prism : cut.stack->prisms.hexes) {
@@ -221,6 +256,7 @@ void push_middles(HexMesh& mesh, const Cut& cut) {
   }
   std::sort(feet.begin(), feet.end());
   feet.erase(std::unique(feet.begin(), feet.end()), feet.end());
+  Middles middles;
   for (VertexId foot : feet) {
     const Vec3 up = (mesh.position[cut.point(foot, cut.cells())] - mesh.position[foot]).normalized();
     Vec3 out = away[foot] * 0.5;   // two prisms share a foot
@@ -229,45 +265,73 @@ void push_middles(HexMesh& mesh, const Cut& cut) {
     for (int k = 1; k < cut.cells(); k += 2) {
       const double pair = (mesh.position[cut.point(foot, k + 1)] - mesh.position[cut.point(foot, k - 1)]).norm();
       const VertexId middle = cut.point(foot, k);
-      if (mesh.attachment[middle].hold == Hold::Free) mesh.position[middle] += out.normalized() * std::min(kWedgePush * pair, room);
+      if (mesh.attachment[middle].hold != Hold::Free) continue;
+      middles.vertex.push_back(middle);
+      middles.start.push_back(mesh.position[middle]);
+      middles.push.push_back(out.normalized() * std::min(kWedgePush * pair, room));
     }
   }
+  return middles;
 }
 
-// Cross-section of a wedge hex: the tip, then points 2j, 2j+1, 2j+2 of the column.
-void add_wedge_hexes(HexMesh& mesh, const Cut& cut) {
-  for (std::size_t p = 0; p < cut.stack->prisms.hexes.size(); ++p) {
-    const HexVertices& prism = cut.stack->prisms.hexes[p];
-    const std::size_t i = tip_of(prism);
-    const VertexId a = prism[i], b = prism[(i + 1) & 3], c = prism[(i + 2) & 3], d = prism[(i + 3) & 3];
-    for (int k = 0; k + 2 <= cut.cells(); k += 2) {
-      mesh.hexes.push_back(
-          {a, cut.point(d, k), cut.point(d, k + 1), cut.point(d, k + 2), b, cut.point(c, k), cut.point(c, k + 1), cut.point(c, k + 2)});
-      mesh.region.push_back(cut.stack->prisms.region[p]);
-      mesh.layer.push_back(static_cast<std::uint16_t>(k + 1));
+// Moves the middle points away from the tip, so that wedge hexes have no straight corner: as far as is best for the poorest hex round each.
+// Where columns lean away from the tip, the corners beside the middle point pay for what it gains.
+void push_middles(HexMesh& mesh, const Cut& cut) {
+  const Middles middles = middles_of(mesh, cut);
+  if (middles.vertex.empty()) return;
+  IdMap<VertexId, std::int32_t> slot(mesh.position.size(), -1);
+  for (std::size_t m = 0; m < middles.vertex.size(); ++m) slot[middles.vertex[m]] = static_cast<std::int32_t>(m);
+  std::vector<std::vector<HexId>> round(middles.vertex.size());
+  for (HexId h : mesh.hexes.ids())
+    for (VertexId v : mesh.hexes[h])
+      if (slot[v] >= 0) round[static_cast<std::size_t>(slot[v])].push_back(h);
+  const auto poorest = [&](std::size_t m) {
+    double worst = 1;
+    for (HexId h : round[m]) {
+      std::array<Vec3, 8> corners;
+      for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[h][c]];
+      worst = std::min(worst, corner_scaled_jacobian(corners));
     }
-  }
+    return worst;
+  };
+  for (std::size_t m = 0; m < middles.vertex.size(); ++m) mesh.position[middles.vertex[m]] += middles.push[m];
+  for (int sweep = 0; sweep < kWedgeSweeps; ++sweep)
+    for (std::size_t m = 0; m < middles.vertex.size(); ++m) {
+      Vec3& p = mesh.position[middles.vertex[m]];
+      Vec3 best = p;
+      double best_quality = poorest(m);
+      if (best_quality > kWedgeQuality) continue;
+      for (const double share : kWedgePushes) {
+        p = middles.start[m] + share * middles.push[m];
+        if (const double quality = poorest(m); quality > best_quality) best_quality = quality, best = p;
+      }
+      p = best;
+    }
 }
 
 }  // namespace
 
 Sliced slice(HexMesh mesh, std::vector<Stack> stacks, const Ground& ground) {
-  IdMap<HexId, HexId> parent(mesh.hexes.size());
-  for (HexId h : parent.ids()) parent[h] = h;
+  Sliced sliced;
+  sliced.parent.resize(mesh.hexes.size());
+  sliced.prism.resize(mesh.hexes.size(), -1);
+  for (HexId h : sliced.parent.ids()) sliced.parent[h] = h;
+  sliced.mesh = std::move(mesh);
+  std::int32_t prisms = 0;
   for (std::size_t s = 0; s < stacks.size(); ++s) {
     const Stack& stack = stacks[s];
-    Cut cut{&stack, IdMap<VertexId, std::int32_t>(mesh.position.size(), -1), mesh.position.next_id()};
+    Cut cut{&stack, IdMap<VertexId, std::int32_t>(sliced.mesh.position.size(), -1), sliced.mesh.position.next_id()};
     for (std::size_t c = 0; c < stack.columns.size(); ++c) cut.column_on[stack.columns.bottom[c]] = static_cast<std::int32_t>(c);
-    place_points(mesh, cut, ground);
-    cut.column_on.resize(mesh.position.size(), -1);
+    place_points(sliced.mesh, cut, ground);
+    cut.column_on.resize(sliced.mesh.position.size(), -1);
     for (std::size_t t = s + 1; t < stacks.size(); ++t) continue_columns(cut, stacks[t]);
-    cut_hexes(mesh, parent, cut);
-    cut_quads(mesh, cut);
-    push_middles(mesh, cut);
-    add_wedge_hexes(mesh, cut);
-    parent.resize(mesh.hexes.size());
+    cut_hexes(sliced, cut);
+    cut_quads(sliced.mesh, cut);
+    add_wedge_hexes(sliced, cut, prisms);
+    push_middles(sliced.mesh, cut);
+    prisms += static_cast<std::int32_t>(stack.prisms.hexes.size());
   }
-  return {std::move(mesh), std::move(parent)};
+  return sliced;
 }
 
 }  // namespace strata

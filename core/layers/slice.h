@@ -24,6 +24,7 @@ struct Stack {
 struct Sliced {
   HexMesh mesh;
   IdMap<HexId, HexId> parent;  // the hex each was cut from; invalid for wedge hexes
+  IdMap<HexId, std::int32_t> prism;  // the prism each wedge hex was cut from, counted through all stacks; -1 for other hexes
 };
 Sliced slice(HexMesh mesh, std::vector<Stack> stacks, const Ground& ground);
 

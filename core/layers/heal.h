@@ -1,0 +1,25 @@
+// The last word on hexes that growing or cutting left not positive: few, and their neighbourhood makes room for them.
+#pragma once
+
+#include <vector>
+
+#include "core/mesh/hex_mesh.h"
+#include "core/optimise/ground.h"
+#include "core/optimise/optimise.h"
+
+namespace strata {
+
+class Context;
+
+// Mean edge lengths of each hex along its axes, so that optimising keeps the shapes of layers; an axis without length counts as a little.
+IdMap<HexId, HexTarget> proportions(const HexMesh& mesh);
+
+// Hexes that are not positive at a corner or in the middle.
+std::vector<HexId> not_positive(const HexMesh& mesh);
+
+// Vertices round bad hexes, those not positive or with an edge shorter than `least_edge` of their longest, look for better places: on their
+// ground first, then off features, at last off the surface. `still` do not move. Does nothing when there are more than a few; the caller looks
+// again. Attachments stay.
+HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, double least_edge, const Ground& ground, Context& context);
+
+}  // namespace strata
