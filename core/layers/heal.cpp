@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include "core/base/parallel.h"
+#include "core/mesh/adjacency.h"
 #include "core/mesh/hex.h"
 #include "core/mesh/part.h"
 #include "core/quality/quality.h"
@@ -21,6 +23,7 @@ constexpr int kOffSurface = 3;   // and from this one charts
 constexpr int kRings = 3;        // of vertices that take part, one more each round
 constexpr int kMargin = 1;       // rings of hexes round them that stay still
 constexpr int kSweeps = 20;
+constexpr double kParting = 0.3;  // of the way to the neighbours' middle
 constexpr double kCalm = 0.02;   // scaled Jacobian that drawing a held vertex to its ground may not cost
 
 std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
@@ -64,6 +67,45 @@ std::vector<HexId> hexes_to_heal(const HexMesh& mesh, double least_edge) {
   });
 }
 
+// Where two vertices are next to one another, one of them goes a part of the way to the middle of its other neighbours: no small step
+// would tell the optimiser where there is room.
+void part_coincident(HexMesh& mesh, const std::vector<HexId>& hexes, double least_edge, const IdMap<VertexId, std::uint8_t>& frozen) {
+  std::vector<std::pair<VertexId, VertexId>> pairs;  // who goes, from whom
+  for (HexId h : hexes) {
+    const std::array<Vec3, 8> c = corners_of(mesh, h);
+    double longest = 0;
+    for (const auto& edge : kHexEdges)
+      longest = std::max(longest, (c[static_cast<std::size_t>(edge[1])] - c[static_cast<std::size_t>(edge[0])]).norm());
+    for (const auto& edge : kHexEdges) {
+      const auto i = static_cast<std::size_t>(edge[0]), j = static_cast<std::size_t>(edge[1]);
+      if ((c[j] - c[i]).norm() >= least_edge * longest) continue;
+      // Holds are ordered from free to fixed.
+      const auto stiffness = [&](VertexId v) { return std::make_tuple(frozen[v], mesh.attachment[v].hold, v); };
+      const auto [goes, stays] =
+          std::minmax({mesh.hexes[h][i], mesh.hexes[h][j]}, [&](VertexId a, VertexId b) { return stiffness(a) < stiffness(b); });
+      const Hold hold = mesh.attachment[goes].hold;
+      if (frozen[goes] == 0 && hold != Hold::Corner && hold != Hold::Fixed) pairs.emplace_back(goes, stays);
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  if (pairs.empty()) return;
+  const VertexStars<HexId> star = hexes_round_vertices(mesh);
+  for (const auto& [goes, stays] : pairs) {
+    Vec3 sum = Vec3::Zero();
+    int count = 0;
+    for (HexId h : star.of(goes))
+      for (const auto& edge : kHexEdges) {
+        VertexId a = mesh.hexes[h][static_cast<std::size_t>(edge[0])], b = mesh.hexes[h][static_cast<std::size_t>(edge[1])];
+        if (b == goes) std::swap(a, b);
+        if (a != goes || b == stays) continue;
+        sum += mesh.position[b];
+        ++count;
+      }
+    if (count > 0) mesh.position[goes] += kParting * (sum / count - mesh.position[goes]);
+  }
+}
+
 void loosen(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, int round) {
   for (VertexId v : near.ids()) {
     Attachment& held = mesh.attachment[v];
@@ -97,6 +139,7 @@ HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, double least_edge
   if (bad.empty() || bad.size() > kFew) return mesh;
   IdMap<VertexId, std::uint8_t> frozen(mesh.position.size(), 0);
   for (VertexId v : still) frozen[v] = 1;
+  if (least_edge > 0) part_coincident(mesh, bad, least_edge, frozen);
   for (int round = 0; round < kRounds && !bad.empty(); ++round) {
     const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, bad);
     MeshPart part = cut_part(mesh, marked, kRings + round + kMargin);
