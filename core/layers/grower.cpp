@@ -26,7 +26,6 @@ constexpr int kLastSweeps = 4;
 constexpr double kLeastQuality = 0.12;    // scaled Jacobian that physical layers may cost
 constexpr double kGoodQuality = 0.35;     // and that blending may cost
 constexpr double kShort = 0.97;           // of its wish: columns under it draw their neighbours down
-constexpr double kLeastEdge = 1e-5;       // of a hex's longest: columns that did not open
 
 double wish_of(const GrowingSheet& sheet, std::size_t c, Reach reach) {
   return reach == Reach::Full ? sheet.thickness[c] : std::min(sheet.needed[c], sheet.thickness[c]);
@@ -283,7 +282,7 @@ void Grower::inflate() {
   std::vector<VertexId> in_prisms;
   for (const GroupSheet& s : sheets_)
     for (const HexVertices& prism : s.growing.prisms.hexes) in_prisms.insert(in_prisms.end(), prism.begin(), prism.end());
-  mesh = heal(std::move(mesh), in_prisms, kLeastEdge, request_.ground, context_);
+  mesh = heal(std::move(mesh), in_prisms, Soundness::ToBeCut, request_.ground, context_);
   remeasure();
 }
 

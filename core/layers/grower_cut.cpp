@@ -152,7 +152,7 @@ void Grower::cut() {
       }
     }
     if (round == kCuts || alike_.size() == known) {
-      mesh = heal(std::move(sliced.mesh), {}, 0, request_.ground, context_);
+      mesh = heal(std::move(sliced.mesh), {}, Soundness::Positive, request_.ground, context_);
       for (HexId h : not_positive(mesh))
         if (sliced.parent[h].valid()) note_bad_crossing(guard.crossings(sliced.parent[h]));
       fraction.resize(mesh.position.size(), -1);

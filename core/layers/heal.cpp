@@ -11,18 +11,20 @@
 #include "core/mesh/hex.h"
 #include "core/mesh/part.h"
 #include "core/quality/quality.h"
+#include "core/quality/validity.h"
 
 namespace strata {
 namespace {
 
 constexpr std::size_t kFew = 2000;    // bad hexes: more are not a matter of neighbourhoods
 constexpr double kNoLength = 0.0016;  // of the longest axis
-constexpr int kRounds = 5;
-constexpr int kOffFeatures = 2;  // from this round on vertices may leave corners and curves,
-constexpr int kOffSurface = 3;   // and from this one charts
-constexpr int kRings = 3;        // of vertices that take part, one more each round
+constexpr int kRounds = 8;
+constexpr int kOffFeatures = 3;  // from this round on vertices may leave corners and curves,
+constexpr int kOffSurface = 5;   // and from this one charts
+constexpr int kRings = 4;        // of vertices that take part, one more each round
 constexpr int kMargin = 1;       // rings of hexes round them that stay still
 constexpr int kSweeps = 20;
+constexpr double kLeastEdge = 1e-5;  // of a hex's longest
 constexpr double kParting = 0.3;  // of the way to the neighbours' middle
 constexpr double kCalm = 0.02;   // scaled Jacobian that drawing a held vertex to its ground may not cost
 
@@ -50,26 +52,26 @@ IdMap<VertexId, std::uint8_t> vertices_of(const HexMesh& mesh, const std::vector
   return marked;
 }
 
-bool has_short_edge(const std::array<Vec3, 8>& c, double share) {
+bool has_short_edge(const std::array<Vec3, 8>& c) {
   double shortest = std::numeric_limits<double>::infinity(), longest = 0;
   for (const auto& edge : kHexEdges) {
     const double length = (c[static_cast<std::size_t>(edge[1])] - c[static_cast<std::size_t>(edge[0])]).norm();
     shortest = std::min(shortest, length);
     longest = std::max(longest, length);
   }
-  return shortest < share * longest;
+  return shortest < kLeastEdge * longest;
 }
 
-// Not positive at a corner or in the middle, or with too short an edge.
-std::vector<HexId> hexes_to_heal(const HexMesh& mesh, double least_edge) {
+std::vector<HexId> unsound_hexes(const HexMesh& mesh, Soundness goal) {
   return hexes_where(mesh, [&](const std::array<Vec3, 8>& c) {
-    return !(corner_scaled_jacobian(c) > 0 && scaled_jacobian(c) > 0) || (least_edge > 0 && has_short_edge(c, least_edge));
+    if (!(corner_scaled_jacobian(c) > 0 && scaled_jacobian(c) > 0)) return true;
+    return goal == Soundness::ToBeCut && (has_short_edge(c) || !bernstein_positive(c));
   });
 }
 
 // Where two vertices are next to one another, one of them goes a part of the way to the middle of its other neighbours: no small step
 // would tell the optimiser where there is room.
-void part_coincident(HexMesh& mesh, const std::vector<HexId>& hexes, double least_edge, const IdMap<VertexId, std::uint8_t>& frozen) {
+void part_coincident(HexMesh& mesh, const std::vector<HexId>& hexes, const IdMap<VertexId, std::uint8_t>& frozen) {
   std::vector<std::pair<VertexId, VertexId>> pairs;  // who goes, from whom
   for (HexId h : hexes) {
     const std::array<Vec3, 8> c = corners_of(mesh, h);
@@ -78,7 +80,7 @@ void part_coincident(HexMesh& mesh, const std::vector<HexId>& hexes, double leas
       longest = std::max(longest, (c[static_cast<std::size_t>(edge[1])] - c[static_cast<std::size_t>(edge[0])]).norm());
     for (const auto& edge : kHexEdges) {
       const auto i = static_cast<std::size_t>(edge[0]), j = static_cast<std::size_t>(edge[1]);
-      if ((c[j] - c[i]).norm() >= least_edge * longest) continue;
+      if ((c[j] - c[i]).norm() >= kLeastEdge * longest) continue;
       // Holds are ordered from free to fixed.
       const auto stiffness = [&](VertexId v) { return std::make_tuple(frozen[v], mesh.attachment[v].hold, v); };
       const auto [goes, stays] =
@@ -132,14 +134,16 @@ IdMap<HexId, HexTarget> proportions(const HexMesh& mesh) {
   return result;
 }
 
-std::vector<HexId> not_positive(const HexMesh& mesh) { return hexes_to_heal(mesh, 0); }
+std::vector<HexId> not_positive(const HexMesh& mesh) { return unsound_hexes(mesh, Soundness::Positive); }
 
-HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, double least_edge, const Ground& ground, Context& context) {
-  std::vector<HexId> bad = hexes_to_heal(mesh, least_edge);
+HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, Soundness goal, const Ground& ground, Context& context) {
+  std::vector<HexId> bad = unsound_hexes(mesh, goal);
   if (bad.empty() || bad.size() > kFew) return mesh;
   IdMap<VertexId, std::uint8_t> frozen(mesh.position.size(), 0);
   for (VertexId v : still) frozen[v] = 1;
-  if (least_edge > 0) part_coincident(mesh, bad, least_edge, frozen);
+  if (goal == Soundness::ToBeCut) part_coincident(mesh, bad, frozen);
+  IdMap<VertexId, Vec3> best = mesh.position;
+  std::size_t fewest = bad.size();
   for (int round = 0; round < kRounds && !bad.empty(); ++round) {
     const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, bad);
     MeshPart part = cut_part(mesh, marked, kRings + round + kMargin);
@@ -166,8 +170,10 @@ HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, double least_edge
     part.mesh = optimise(std::move(part.mesh), request, options, context).mesh;
     part.mesh.attachment = held;
     put_back(part, mesh);
-    bad = hexes_to_heal(mesh, least_edge);
+    bad = unsound_hexes(mesh, goal);
+    if (bad.size() < fewest) fewest = bad.size(), best = mesh.position;
   }
+  mesh.position = std::move(best);
   return mesh;
 }
 

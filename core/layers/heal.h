@@ -17,9 +17,12 @@ IdMap<HexId, HexTarget> proportions(const HexMesh& mesh);
 // Hexes that are not positive at a corner or in the middle.
 std::vector<HexId> not_positive(const HexMesh& mesh);
 
-// Vertices round bad hexes, those not positive or with an edge shorter than `least_edge` of their longest, look for better places: on their
-// ground first, then off features, at last off the surface. `still` do not move. Does nothing when there are more than a few; the caller looks
-// again. Attachments stay.
-HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, double least_edge, const Ground& ground, Context& context);
+enum class Soundness {
+  Positive,  // at the corners and in the middle
+  ToBeCut,   // everywhere inside, so that equal parts are positive too, and no edge without length
+};
+// Vertices round hexes that are not sound look for better places: on their ground first, then off features, at last off the surface. `still`
+// do not move. Does nothing when there are more than a few; the caller looks again. Attachments stay.
+HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, Soundness goal, const Ground& ground, Context& context);
 
 }  // namespace strata

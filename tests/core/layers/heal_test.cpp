@@ -11,7 +11,7 @@ namespace {
 
 TEST(Heal, LeavesAGoodMeshAlone) {
   const auto scene = cube_scene(4);
-  const HexMesh healed = heal(scene->mesh, {}, 1e-5, scene->ground, scene->context);
+  const HexMesh healed = heal(scene->mesh, {}, Soundness::ToBeCut, scene->ground, scene->context);
   EXPECT_EQ(healed.position, scene->mesh.position);
 }
 
@@ -30,7 +30,7 @@ TEST(Heal, MakesRoomWhereFewHexesAreInverted) {
     for (VertexId v : hex) centre += mesh.position[v] / 8;
     mesh.position[thrown] += 2.5 * (centre - mesh.position[thrown]);
     ASSERT_FALSE(not_positive(mesh).empty());
-    const HexMesh healed = heal(mesh, {}, 0, scene->ground, scene->context);
+    const HexMesh healed = heal(mesh, {}, Soundness::Positive, scene->ground, scene->context);
     EXPECT_TRUE(not_positive(healed).empty());
     EXPECT_EQ(healed.attachment, mesh.attachment);
     for (VertexId v : mesh.position.ids())
@@ -53,7 +53,7 @@ TEST(Heal, KeepsWhatMustStandStill) {
   }();
   mesh.position[thrown] = mesh.position[mesh.hexes[hexes_round_vertices(mesh).of(thrown)[0]][0]];
   ASSERT_FALSE(not_positive(mesh).empty());
-  const HexMesh healed = heal(mesh, still, 0, scene->ground, scene->context);
+  const HexMesh healed = heal(mesh, still, Soundness::Positive, scene->ground, scene->context);
   EXPECT_TRUE(not_positive(healed).empty());
   for (VertexId v : still) EXPECT_EQ(healed.position[v], mesh.position[v]);
 }
@@ -74,7 +74,7 @@ TEST(Heal, OpensColumnsWithoutLength) {
       beside = u;
   mesh.position[v] = mesh.position[beside] + 1e-8 * (mesh.position[v] - mesh.position[beside]);
   ASSERT_TRUE(not_positive(mesh).empty());
-  const HexMesh healed = heal(mesh, {}, 1e-5, scene->ground, scene->context);
+  const HexMesh healed = heal(mesh, {}, Soundness::ToBeCut, scene->ground, scene->context);
   EXPECT_TRUE(not_positive(healed).empty());
   EXPECT_GT((healed.position[v] - healed.position[beside]).norm(), 1e-5 * (mesh.position[VertexId(1)] - mesh.position[VertexId(0)]).norm());
 }
