@@ -1,5 +1,6 @@
 #include "core/fit_features.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "core/base/context.h"
@@ -12,8 +13,10 @@ namespace {
 constexpr int kLetGoRounds = 4;  // of letting creases go, before what is left is freed on the spot
 constexpr int kMostRounds = 7;   // in all: where freeing could not make hexes valid, all creases round them go
 constexpr std::size_t kFew = 64; // bad hexes, that freeing the vertices round them costs less than any crease
-constexpr Goals kArrived{.bad = 0, .poor = 0};        // what is inverted still
-constexpr Goals kSettled{.bad = 0.03, .poor = 0.30};
+constexpr double kGood = 0.40;     // scaled Jacobian: more is worth no crease
+constexpr double kGain = 0.001;    // of it, for which a round's mesh is better than that of an earlier one, which has more creases
+constexpr Goals kArrived{};        // what is inverted still
+constexpr Goals kSettled{.bad = 0.03, .poor = 0.30, .mediocre = kGood};
 
 bool is_identity(const IdMap<ChartId, ChartId>& map) {
   for (ChartId c : map.ids())
@@ -27,6 +30,9 @@ bool give_way(const std::vector<CurveId>& creases, IdMap<CurveId, std::uint8_t>&
   return !creases.empty();
 }
 
+// Scaled Jacobian as far as it counts; below 0 for a mesh that is not valid.
+double worth_of(const FitResult& fit) { return fit.bad > 0 ? -0.5 : std::min(kGood, worst_corner(fit.mesh)); }
+
 }  // namespace
 
 MergedGround::MergedGround(const Ground& of, const IdMap<ChartId, ChartId>& into)
@@ -34,6 +40,8 @@ MergedGround::MergedGround(const Ground& of, const IdMap<ChartId, ChartId>& into
 
 FeatureFit fit_features(const HexMesh& smooth, const Ground& ground, Context& context) {
   const Features& features = ground.features();
+  FeatureFit best;
+  double best_worth = -1;
   IdMap<CurveId, std::uint8_t> let_go(features.curves.size(), 0);
   for (int round = 0;; ++round) {
     FeatureFit fit;
@@ -51,16 +59,22 @@ FeatureFit fit_features(const HexMesh& smooth, const Ground& ground, Context& co
     if (may_let_go && bad_hexes(mesh).size() > kFew && give_way(creases_in_the_way(mesh, features, let_go, rule, kArrived), let_go))
       continue;
     mesh = settle_on_features(std::move(mesh), here, context);
-    if (may_let_go && give_way(creases_in_the_way(mesh, features, let_go, rule, kSettled), let_go)) continue;
+    const std::vector<CurveId> in_the_way =
+        may_let_go ? creases_in_the_way(mesh, features, let_go, rule, kSettled) : std::vector<CurveId>();
 
     IdMap<VertexId, Attachment> held = mesh.attachment;
     fit.result = make_valid(std::move(mesh), here, context);
+    const double worth = worth_of(fit.result);
+    if (worth < kGood && give_way(in_the_way, let_go)) {
+      if (worth > best_worth + kGain) best = std::move(fit), best_worth = worth;
+      continue;
+    }
     if (fit.result.bad > 0 && round < kMostRounds) {
       std::swap(fit.result.mesh.attachment, held);  // what the hexes were held by before they were freed
       if (give_way(creases_near(fit.result.mesh, bad_hexes(fit.result.mesh), features, let_go), let_go)) continue;
       std::swap(fit.result.mesh.attachment, held);
     }
-    return fit;
+    return worth > best_worth + kGain ? std::move(fit) : std::move(best);
   }
 }
 

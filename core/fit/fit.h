@@ -48,6 +48,7 @@ void report_softened(const std::vector<CurveId>& curves, const Ground& ground, C
 enum class GiveWay { Weakest, All };
 struct Goals {  // scaled Jacobians of corners, not above which a hex counts as
   double bad = 0, poor = 0;
+  double mediocre = 0;  // costs faint creases a few cells long only
 };
 std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go,
                                         GiveWay give_way, const Goals& goals);
@@ -65,6 +66,8 @@ HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context)
 // is 0 unless all that failed.
 FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context);
 
+// Smallest scaled Jacobian of all corners.
+double worst_corner(const HexMesh& mesh);
 // Hexes that are not valid, ascending.
 std::vector<HexId> bad_hexes(const HexMesh& mesh);
 

@@ -12,6 +12,7 @@ namespace strata {
 namespace {
 
 constexpr double kMostBad = 0.5;  // bad hexes at a curve that is not faint, over its vertices: fewer are mended on the spot
+constexpr std::int32_t kShort = 12;  // vertices on a crease
 constexpr double kFaint = std::numbers::pi / 3;  // a crease inside one chart that turns by less is often noise of the triangulation
 
 // Patches are kept: their borders are not for us.
@@ -19,7 +20,10 @@ bool is_inside_patch(const Features& features, const Curve& curve) {
   return curve.manifold && curve.left.valid() && curve.right.valid() &&
          features.patch_of_chart[curve.left] == features.patch_of_chart[curve.right];
 }
-bool is_faint(const Curve& curve) { return curve.left == curve.right && std::abs(std::numbers::pi - curve.dihedral_mean) < kFaint; }
+// A crease that ends in the open and turns by little may be noise of the triangulation, above all when it is short.
+bool may_be_noise(const Curve& curve, std::int32_t vertices, bool poor) {
+  return curve.left == curve.right && std::abs(std::numbers::pi - curve.dihedral_mean) < kFaint && (poor || vertices <= kShort);
+}
 
 // Ascending: what gives way first.
 auto strength(const Features& features, CurveId c) {
@@ -63,7 +67,7 @@ class Candidates {
     const Attachment at = mesh_.attachment[v];
     const auto add = [&](CurveId c) {
       const Curve& curve = features_.curves[c];
-      if (!let_go_[c] && is_inside_patch(features_, curve) && may(curve)) found_.push_back(c);
+      if (!let_go_[c] && is_inside_patch(features_, curve) && may(c)) found_.push_back(c);
     };
     if (at.hold == Hold::Curve) add(CurveId(at.of));
     if (at.hold == Hold::Corner)
@@ -89,23 +93,24 @@ IdMap<CurveId, std::int32_t> vertices_on(const HexMesh& mesh, const Features& fe
 std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go,
                                         GiveWay give_way, const Goals& goals) {
   const std::vector<double> jacobian = corner_jacobians(mesh);
+  const IdMap<CurveId, std::int32_t> held = vertices_on(mesh, features);
   Candidates candidates(mesh, features, let_go);
   IdMap<CurveId, std::int32_t> bad(features.curves.size(), 0);  // hexes that would have the curve gone
   std::vector<CurveId> result;
   for (HexId h : mesh.hexes.ids()) {
     const double worst = jacobian[h.index()];
-    if (worst > std::max(goals.poor, goals.bad)) continue;
-    const std::vector<CurveId>& near = candidates.near(h, [&](const Curve& curve) { return worst <= goals.bad || is_faint(curve); });
+    if (worst > std::max({goals.mediocre, goals.poor, goals.bad})) continue;
+    const std::vector<CurveId>& near =
+        candidates.near(h, [&](CurveId c) { return worst <= goals.bad || may_be_noise(features.curves[c], held[c], worst <= goals.poor); });
     if (near.empty()) continue;
     const CurveId weakest =
         *std::min_element(near.begin(), near.end(), [&](CurveId a, CurveId b) { return strength(features, a) < strength(features, b); });
     for (CurveId c : near) {
       if (c != weakest && give_way == GiveWay::Weakest) continue;
-      if (is_faint(features.curves[c])) result.push_back(c);
+      if (may_be_noise(features.curves[c], held[c], worst <= goals.poor)) result.push_back(c);
       else ++bad[c];
     }
   }
-  const IdMap<CurveId, std::int32_t> held = vertices_on(mesh, features);
   for (CurveId c : bad.ids())
     if (bad[c] > kMostBad * held[c]) result.push_back(c);
   std::sort(result.begin(), result.end());
@@ -118,7 +123,7 @@ std::vector<CurveId> creases_near(const HexMesh& mesh, const std::vector<HexId>&
   Candidates candidates(mesh, features, let_go);
   std::vector<CurveId> result;
   for (HexId h : hexes) {
-    const std::vector<CurveId>& near = candidates.near(h, [](const Curve&) { return true; });
+    const std::vector<CurveId>& near = candidates.near(h, [](CurveId) { return true; });
     result.insert(result.end(), near.begin(), near.end());
   }
   std::sort(result.begin(), result.end());

@@ -258,6 +258,17 @@ void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Contex
 
 }  // namespace
 
+double worst_corner(const HexMesh& mesh) {
+  return parallel_reduce(
+      mesh.hexes.size(), 1.0,
+      [&](std::size_t i) {
+        std::array<Vec3, 8> corners;
+        for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
+        return corner_scaled_jacobian(corners);
+      },
+      [](double a, double b) { return std::min(a, b); });
+}
+
 std::vector<HexId> bad_hexes(const HexMesh& mesh) {
   return hexes_where(mesh, [](const std::array<Vec3, 8>& corners) { return !(scaled_jacobian(corners) > kLeastJacobian); });
 }
