@@ -47,7 +47,7 @@ Guard::Guard(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets) : fir
     const HexVertices& hex = mesh.hexes[h];
     for (std::size_t axis = 0; axis < 3; ++axis) {
       Crossing crossing;
-      crossing.axis = static_cast<std::int8_t>(axis);
+      crossing.axis = static_cast<std::uint8_t>(axis);
       int found = 0;
       for (std::size_t e = 0; e < 4; ++e) {
         const VertexId a = hex[static_cast<std::size_t>(kHexEdges[axis * 4 + e][0])],

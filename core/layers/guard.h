@@ -18,7 +18,7 @@ class Guard {
 
   struct Crossing {
     std::int32_t sheet = -1;
-    std::int8_t axis = 0;
+    std::uint8_t axis = 0;
     bool reversed = false;                      // the wall is at the end of the axis
     std::array<std::int32_t, 4> column{};       // on each of the four edges along the axis
   };

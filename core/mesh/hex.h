@@ -37,7 +37,7 @@ inline constexpr std::array<std::array<std::int8_t, 3>, 8> kHexCorners{{
 }};
 
 // The twelve edges: 0-3 along x, 4-7 along y, 8-11 along z.
-inline constexpr std::array<std::array<std::int8_t, 2>, 12> kHexEdges{{
+inline constexpr std::array<std::array<std::uint8_t, 2>, 12> kHexEdges{{
     {0, 1},
     {3, 2},
     {4, 5},
