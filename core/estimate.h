@@ -12,11 +12,11 @@
 
 namespace strata {
 
-// From the octree alone: within a factor of two or so.
+// From the octree alone, as if layers were wished everywhere: within a factor of two or so. `spec` must have passed check().
 Estimate estimate_of(std::int64_t triangles, const Octree& octree, const MeshSpec& spec);
 
-// From the carved cells: the hexes that are kept, one more for every side of a skin quad, and the layers of the patch nearest to it. Exact but
-// for what ridges add and layers give up.
+// From the carved cells: the hexes that are kept, one more for every side of a skin quad, and the layers of the patch nearest to it, those that
+// lead over to the volume included. Exact but for what ridges add and layers give up.
 Estimate count_hexes(Estimate estimate, const HexMesh& carved, const Surface& surface, const Locator& locator, const MeshSpec& spec);
 
 }  // namespace strata

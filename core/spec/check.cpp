@@ -232,7 +232,10 @@ void check_layer(const LayerSpec& layer, const std::string& field, Checker& chec
   for (std::size_t i = 0; i < layer.neighbours.size(); ++i)
     check.patches(at(field + ".neighbours", i) + ".patches", layer.neighbours[i].patches);
   if (layer.side) check.at_least(field + ".side", *layer.side, 1);
-  if (layer.blending == Blending::Count) check.at_least(field + ".blending", layer.blending_count, 0);
+  if (layer.blending == Blending::Count) {
+    check.at_least(field + ".blending", layer.blending_count, 1);
+    check.at_most(field + ".blending", layer.blending_count, kMostLayers);
+  }
   for (std::size_t i = 0; i < layer.give_up.size(); ++i)
     if (std::find(layer.give_up.begin(), layer.give_up.begin() + static_cast<std::ptrdiff_t>(i), layer.give_up[i]) !=
         layer.give_up.begin() + static_cast<std::ptrdiff_t>(i))

@@ -106,5 +106,32 @@ TEST(Sizing, CheckCountsLayers) {
   EXPECT_NEAR(static_cast<double>(estimated(test::sphere(3), spec)), made, 0.01 * made);
 }
 
+// What admission goes by, against what was made: hexes made over hexes estimated.
+double made_over_estimated(const TriangleSoup& soup, const MeshSpec& spec) {
+  double estimated = 0;
+  Context context;
+  Observer observer;
+  observer.on_estimate = [&](const Estimate& estimate) { estimated = static_cast<double>(estimate.hexes); };
+  return static_cast<double>(generate(soup, spec, context, observer).mesh.hexes.size()) / estimated;
+}
+
+TEST(Sizing, TheEstimateOfTheOctreeLiesWithinItsBand) {
+  for (const TriangleSoup& soup : {test::sphere(3), test::cube(2)}) {
+    const MeshSpec plain = sized(0.05);
+    for (const MeshSpec& spec : {plain, testing::with_layers(plain, testing::layers_of({"*"}, 4, 0.01))}) {
+      const double ratio = made_over_estimated(soup, spec);
+      EXPECT_GT(ratio, 0.6) << soup.patch_names.size() << " patches, layers " << spec.layers.size();
+      EXPECT_LT(ratio, 1.5) << soup.patch_names.size() << " patches, layers " << spec.layers.size();
+    }
+  }
+}
+
+TEST(Sizing, CheckCountsTheLayersThatLeadOverToTheVolume) {
+  MeshSpec spec = testing::with_layers(sized(0.2), testing::layers_of({"*"}, 2, 0.005));
+  spec.layers[0].blending = Blending::Auto;
+  const auto made = static_cast<double>(run(test::sphere(3), spec).mesh.hexes.size());
+  EXPECT_NEAR(static_cast<double>(estimated(test::sphere(3), spec)), made, 0.15 * made);
+}
+
 }  // namespace
 }  // namespace strata
