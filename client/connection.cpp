@@ -119,7 +119,8 @@ PrivateServer::PrivateServer(int threads) {
   directory_ = pattern;
   address_ = "unix:" + directory_ + "/socket";
   std::vector<std::string> words{server_binary(), "--listen", address_,          "--data", directory_ + "/data",
-                                 "--slots",       "1",        "--drain-timeout", "0",      "--exit-with-parent"};
+                                 "--slots",       "1",        "--drain-timeout", "0",      "--exit-with-parent",
+                                 "--volatile"};
   if (threads > 0) {
     words.emplace_back("--threads");
     words.push_back(std::to_string(threads));

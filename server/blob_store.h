@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "server/caller.h"
+#include "server/durability.h"
 
 namespace strata::server {
 
@@ -89,6 +90,8 @@ class BlobStore {
   virtual UploadInfo write_upload(const std::string& id, std::int64_t offset, std::string_view bytes) = 0;
   // Makes what was written durable: the committed offset moves up.
   virtual UploadInfo commit_upload(const std::string& id) = 0;
+
+  [[nodiscard]] virtual Durability durability() const = 0;
 };
 
 // Blobs of other tenants do not exist for a caller.
@@ -102,6 +105,6 @@ std::vector<char> read_all(const BlobStore& store, const BlobInfo& blob);
 
 // Files under `folder`: blobs/ID-DIGEST[-OWNER], uploads/ID-SIZE-DIGEST[-OWNER], temporary/. Written to a temporary file, synced, renamed, folder synced.
 // Makes the folders; removes leftovers of earlier runs from temporary/.
-std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder);
+std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder, Durability durability = Durability::PowerLoss);
 
 }  // namespace strata::server

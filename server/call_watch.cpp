@@ -9,6 +9,7 @@
 
 #include "server/ids.h"
 #include "server/job_log.h"
+#include "server/status.h"
 
 namespace strata::server {
 namespace {
@@ -47,8 +48,9 @@ class WatchedCall final : public Interceptor {
     const double seconds = std::chrono::duration<double>(end - begun_).count();
     const char* code = name_of(code_.value_or(grpc::StatusCode::CANCELLED));
     metrics_.call_ended(method_, code, seconds);
-    spdlog::debug(R"("msg":"call","rpc":"{}","code":"{}","ms":{:.1f},"request_id":"{}","trace_id":"{}")", method_, code, 1000 * seconds,
-                  request_id_, trace_.trace_id);
+    if (!reason_.empty()) metrics_.call_refused(method_, reason_);
+    spdlog::debug(R"("msg":"call","rpc":"{}","code":"{}","reason":"{}","ms":{:.1f},"request_id":"{}","trace_id":"{}")", method_, code,
+                  reason_, 1000 * seconds, request_id_, trace_.trace_id);
     if (!tracer_.on()) return;
     const bool failed = code_ && *code_ != grpc::StatusCode::OK;
     tracer_.write({method_, trace_, new_span_id(), begun_, end, {{"rpc.grpc.status", code}, {"request_id", request_id_}}, failed, true});
@@ -65,7 +67,11 @@ class WatchedCall final : public Interceptor {
       request_id_ = json_escaped(value_of("x-request-id").substr(0, kMaxRequestId));
       if (request_id_.empty()) request_id_ = random_id();
     }
-    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) code_ = methods->GetSendStatus().error_code();
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
+      const grpc::Status status = methods->GetSendStatus();
+      code_ = status.error_code();
+      if (!status.ok()) reason_ = reason_in(status.error_details());
+    }
     methods->Proceed();
   }
 
@@ -75,7 +81,7 @@ class WatchedCall final : public Interceptor {
   Tracer& tracer_;
   const std::chrono::system_clock::time_point begun_;
   TraceContext trace_;
-  std::string request_id_;
+  std::string request_id_, reason_;
   std::optional<grpc::StatusCode> code_;
 };
 

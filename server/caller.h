@@ -18,6 +18,7 @@ struct Caller {
   std::string tenant;
   Role role = Role::Admin;
   std::string traceparent;  // of the call
+  std::string request_id = {};  // of the call, by which logs find it; empty: it gave none
 
   [[nodiscard]] bool sees(const std::string& other_tenant) const { return role == Role::Admin || tenant == other_tenant; }
 };

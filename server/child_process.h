@@ -6,6 +6,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace strata::server {
@@ -19,6 +20,8 @@ class Fd {
   Fd(Fd&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
   Fd& operator=(Fd&& other) noexcept;
   [[nodiscard]] int get() const { return fd_; }
+  // From now on the caller closes it.
+  int release() { return std::exchange(fd_, -1); }
   void close();
 
  private:

@@ -1,19 +1,16 @@
 #include "server/config.h"
 
-#include <sched.h>
-
 #include <yaml-cpp/yaml.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <map>
 #include <sstream>
 
-#include "server/memory_ledger.h"
+#include "server/machine.h"
 
 namespace strata::server {
 namespace {
@@ -108,6 +105,9 @@ void add_flags(CLI::App& app, Config& config) {
       "STRATAD_JOB_TIME_LIMIT");
   env(app.add_option("--max-upload", config.server.limits.max_upload_bytes, "Largest surface, bytes")->check(CLI::PositiveNumber),
       "STRATAD_MAX_UPLOAD");
+  env(app.add_option("--max-connections", config.server.max_connections, "Connections at once; more are closed as they come")
+          ->check(CLI::Range(1, 1'000'000)),
+      "STRATAD_MAX_CONNECTIONS");
   env(app.add_option("--drain-timeout", config.drain_timeout_seconds, "Seconds running jobs get to finish after SIGTERM")
           ->check(CLI::NonNegativeNumber),
       "STRATAD_DRAIN_TIMEOUT");
@@ -143,18 +143,12 @@ void add_flags(CLI::App& app, Config& config) {
   env(app.add_option("--log-level", config.log_level, "What to log")
           ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"})),
       "STRATAD_LOG_LEVEL");
+  app.add_flag_callback(
+      "--volatile", [&config] { config.durability = Durability::Process; },
+      "Do not wait for the disk: nothing needs to outlive the machine, as in a private server");
   app.add_flag("--exit-with-parent", config.exit_with_parent, "End when the process that started this one ends");
   app.add_option("--ready-fd", config.ready_fd, "File descriptor that gets the addresses when the server is ready");
   app.set_version_flag("--version", std::string("stratad ") + STRATA_VERSION);
-}
-
-// Quota of cgroup v2, in cores; 0: none.
-double cgroup_quota() {
-  std::ifstream file("/sys/fs/cgroup/cpu.max");
-  std::string quota;
-  double period = 0;
-  if (!(file >> quota >> period) || quota == "max" || period <= 0) return 0;
-  return std::atof(quota.c_str()) / period;
 }
 
 }  // namespace
@@ -173,14 +167,6 @@ Settings settings_in(const std::string& text) {
   if (!root.IsMap()) return lines_in(text);
   add_settings(root, "", settings);
   return settings;
-}
-
-int usable_cores() {
-  cpu_set_t set;
-  int cores = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
-  const double quota = cgroup_quota();
-  if (quota > 0) cores = std::min(cores, static_cast<int>(std::ceil(quota)));
-  return std::max(cores, 1);
 }
 
 ParsedConfig parse_config(int argc, const char* const* argv) {

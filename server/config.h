@@ -28,6 +28,7 @@ struct Config {
   Isolation isolation = Isolation::Process;
   std::int64_t memory_bytes = 0;       // of all running jobs together; 0: what is there
   std::string worker_program = "/proc/self/exe";
+  Durability durability = Durability::PowerLoss;
   bool exit_with_parent = false;
   int ready_fd = -1;                   // gets the addresses, one a line, and is closed, when the server is ready
   bool check_only = false;
@@ -48,8 +49,5 @@ ParsedConfig parse_config(int argc, const char* const* argv);
 // Settings of a file as (name, values): a YAML map, where maps inside join their names with '-' (tls: {cert: x} is tls-cert); or
 // `name = value` lines. Throws std::runtime_error.
 std::vector<std::pair<std::string, std::vector<std::string>>> settings_in(const std::string& text);
-
-// Cores this process may use: affinity and the quota of its cgroup.
-int usable_cores();
 
 }  // namespace strata::server

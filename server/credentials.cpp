@@ -25,8 +25,9 @@ Credentials credentials_of(const grpc::CallbackServerContext& context) {
   credentials.token = metadata_of(context, "authorization");
   if (credentials.token.rfind(kBearer, 0) == 0) credentials.token.erase(0, kBearer.size());
   if (credentials.token.empty()) credentials.token = metadata_of(context, "x-api-key");
-  constexpr std::size_t kTraceparent = 55;
+  constexpr std::size_t kTraceparent = 55, kRequestId = 64;
   credentials.traceparent = metadata_of(context, "traceparent").substr(0, kTraceparent);
+  credentials.request_id = metadata_of(context, "x-request-id").substr(0, kRequestId);
   const auto peer = context.auth_context();
   if (!peer || !peer->IsPeerAuthenticated()) return credentials;
   add_names(*peer, "x509_subject_alternative_name", credentials.certificate);

@@ -52,8 +52,8 @@ std::string digest_of(const File& file, std::int64_t size) {
 
 class FileBlobStore final : public BlobStore {
  public:
-  explicit FileBlobStore(const std::string& folder)
-      : blobs_(folder + "/blobs"), uploads_(folder + "/uploads"), temporary_(folder + "/temporary") {
+  FileBlobStore(const std::string& folder, Durability durability)
+      : durability_(durability), blobs_(folder + "/blobs"), uploads_(folder + "/uploads"), temporary_(folder + "/temporary") {
     fs::remove_all(temporary_);
     for (const std::string& f : {blobs_, uploads_, temporary_}) fs::create_directories(f);
     for (const auto& entry : fs::directory_iterator(blobs_)) remember_blob(entry);
@@ -156,7 +156,7 @@ class FileBlobStore final : public BlobStore {
     upload->info.owner = owner;
     upload->expected = sha256;
     upload->path = uploads_ + "/" + upload->info.id + "-" + std::to_string(size) + "-" + hex(sha256) + suffix(owner);
-    upload->file = std::make_unique<File>(upload->path, O_RDWR | O_CREAT | O_EXCL);
+    static_cast<void>(File(upload->path, O_RDWR | O_CREAT | O_EXCL));
     sync_folder(uploads_);
     const std::lock_guard lock(mutex_);
     known_uploads_[upload->info.id] = upload;
@@ -181,6 +181,7 @@ class FileBlobStore final : public BlobStore {
     if (static_cast<std::int64_t>(bytes.size()) > upload->info.size - offset)
       throw Refusal(Refused::OutOfRange, "UPLOAD_TOO_LONG", "the upload was announced with " + std::to_string(upload->info.size) + " bytes")
           .at("frame.data");
+    if (!upload->file) upload->file = std::make_unique<File>(upload->path, O_RDWR);
     upload->file->write(offset, bytes);
     upload->written += static_cast<std::int64_t>(bytes.size());
     if (upload->hashed == offset) {  // else the digest is computed from the file at the end
@@ -192,10 +193,13 @@ class FileBlobStore final : public BlobStore {
     return upload->info;
   }
 
+  Durability durability() const override { return durability_; }
+
   UploadInfo commit_upload(const std::string& id) override {
     const auto upload = upload_or_refuse(id);
     const std::lock_guard lock(upload->mutex);
     if (!upload->info.blob) commit(*upload);
+    upload->file.reset();  // many uploads may wait to be continued
     return upload->info;
   }
 
@@ -207,7 +211,7 @@ class FileBlobStore final : public BlobStore {
     UploadInfo info;
     std::string expected;  // digest; empty: any
     std::string path;
-    std::unique_ptr<File> file;
+    std::unique_ptr<File> file;  // open while somebody writes
     std::int64_t written = 0;
     std::int64_t hashed = 0;
     wire::Sha256 sha;
@@ -246,14 +250,14 @@ class FileBlobStore final : public BlobStore {
     return true;
   }
 
-  static void commit(Upload& upload) {
+  void commit(Upload& upload) const {
     if (upload.info.committed == upload.written) return;
-    upload.file->sync();
+    sync(*upload.file);
     upload.info.committed = upload.written;
   }
 
   void complete(Upload& upload) {
-    upload.file->sync();
+    sync(*upload.file);
     const std::string digest = upload.hashed == upload.written ? upload.sha.finish() : digest_of(*upload.file, upload.written);
     upload.hashed = 0;
     if (!upload.expected.empty() && digest != upload.expected) {
@@ -297,12 +301,19 @@ class FileBlobStore final : public BlobStore {
     upload->expected = unhex(parts[2]);
     upload->info.owner = parts.size() == 4 ? parts[3] : "";
     upload->path = entry.path();
-    upload->file = std::make_unique<File>(upload->path, O_RDWR);
     upload->written = upload->info.committed = std::min(static_cast<std::int64_t>(entry.file_size()), upload->info.size);
     upload->hashed = upload->written == 0 ? 0 : -1;
     known_uploads_[upload->info.id] = upload;
   }
 
+  void sync(const File& file) const {
+    if (durability_ == Durability::PowerLoss) file.sync();
+  }
+  void sync_folder(const std::string& folder) const {
+    if (durability_ == Durability::PowerLoss) server::sync_folder(folder);
+  }
+
+  const Durability durability_;
   const std::string blobs_, uploads_, temporary_;
   mutable std::mutex mutex_;
   std::map<std::string, BlobInfo> known_;
@@ -311,7 +322,7 @@ class FileBlobStore final : public BlobStore {
 };
 
 std::unique_ptr<BlobWriter> FileBlobStore::create(const std::string& owner) {
-  return write_file(temporary_, [this, owner](const std::string& path, BlobInfo blob) {
+  return write_file(temporary_, durability_, [this, owner](const std::string& path, BlobInfo blob) {
     blob.owner = owner;
     publish(path, blob);
   });
@@ -349,6 +360,8 @@ std::string owner_key(std::string_view tenant) {
   return hex(sha.finish()).substr(0, 16);
 }
 
-std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder) { return std::make_unique<FileBlobStore>(folder); }
+std::unique_ptr<BlobStore> open_file_blob_store(const std::string& folder, Durability durability) {
+  return std::make_unique<FileBlobStore>(folder, durability);
+}
 
 }  // namespace strata::server

@@ -45,7 +45,7 @@ void open_frame(v1::Frame& frame, const WireLimits& limits) {
 void check_upload(std::int64_t size, const std::string& sha256, const WireLimits& limits) {
   if (size < 1) throw Refusal(Refused::InvalidArgument, "REQUEST_INVALID", "size_bytes must be at least 1").at("size_bytes");
   if (size > limits.max_upload_bytes)
-    throw Refusal(Refused::ResourceExhausted, "UPLOAD_TOO_LARGE",
+    throw Refusal(Refused::InvalidArgument, "UPLOAD_TOO_LARGE",  // it will not be smaller when it comes again
                   "uploads are limited to " + std::to_string(limits.max_upload_bytes) + " bytes")
         .at("size_bytes");
   if (!sha256.empty() && sha256.size() != 32)

@@ -81,7 +81,7 @@ Caller caller_in(const YAML::Node& map, const std::string& where) {
   if (name.empty()) wrong(where, "needs a name");
   if (!is_tenant_name(tenant)) wrong(where, "tenant must be 1 to 64 letters, digits, '.', '_' or '-'");
   if (!role) wrong(where, "role must be viewer, submitter or admin");
-  return {name, tenant, *role, ""};
+  return {name, tenant, *role, "", ""};
 }
 
 TenantLimits limits_in(const YAML::Node& map, const std::string& where) {
@@ -163,7 +163,7 @@ struct Gate::Settings {
     const TokenClaims claims = verified_claims(token, *tokens, now);
     const auto role = role_of(claims.role);
     if (!is_tenant_name(claims.tenant) || !role) throw unauthenticated("the token names no tenant or no role");
-    return {claims.subject, claims.tenant, *role, ""};
+    return {claims.subject, claims.tenant, *role, "", ""};
   }
 };
 
@@ -206,7 +206,7 @@ void Gate::take(Bucket& bucket, double per_second, const std::string& what) {
 }
 
 Caller Gate::admit(const Credentials& credentials, Role needed, CallKind kind) {
-  if (open()) return {"", "", Role::Admin, credentials.traceparent};
+  if (open()) return {"", "", Role::Admin, credentials.traceparent, credentials.request_id};
   std::shared_ptr<const Settings> settings;
   {
     const std::lock_guard lock(mutex_);
@@ -215,6 +215,7 @@ Caller Gate::admit(const Credentials& credentials, Role needed, CallKind kind) {
   }
   Caller caller = settings->identify(credentials);
   caller.traceparent = credentials.traceparent;
+  caller.request_id = credentials.request_id;
   if (caller.role < needed)
     throw Refusal(Refused::PermissionDenied, "PERMISSION_DENIED", needed == Role::Admin ? "only for admins" : "viewers may only look");
   const TenantLimits limits = limits_of(caller.tenant);

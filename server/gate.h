@@ -18,6 +18,7 @@ struct Credentials {
   std::string token;                      // of "authorization: Bearer TOKEN" or "x-api-key: TOKEN"; empty: none
   std::vector<std::string> certificate;   // names in a verified client certificate
   std::string traceparent;                // for those who trace, whoever calls
+  std::string request_id = {};            // for those who look into logs
 };
 
 enum class CallKind {

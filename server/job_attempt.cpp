@@ -74,6 +74,7 @@ class Attempt {
     order.set_staging_folder(folder_);
     order.set_memory_limit_bytes(memory_limit_);
     order.set_memory_budget_bytes(memory_.budget());
+    order.set_results_outlive_power_loss(blobs_.durability() == Durability::PowerLoss);
     worker_.tell(command);
   }
 

@@ -1,12 +1,16 @@
 // How jobs come to the desk: from clients, and from the store after a restart.
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <utility>
 
 #include "server/ids.h"
 #include "server/job_desk.h"
 #include "server/job_error.h"
+#include "server/job_log.h"
 #include "server/refusal.h"
 #include "server/timestamps.h"
+#include "server/trace.h"
 
 namespace strata::server {
 namespace {
@@ -16,6 +20,11 @@ constexpr double kRetrySeconds = 5;               // when nothing better is know
 constexpr std::int64_t kSequenceGap = 1'000'000;  // numbers that a run lost by a crash may have given to events nobody saved
 
 double steady_seconds(std::chrono::steady_clock::time_point at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); }
+
+void log_accepted(const Caller& caller, const v1::Job& job) {
+  spdlog::info(R"("msg":"job accepted","job":"{}","tenant":"{}","by":"{}","request_id":"{}","trace_id":"{}")", job.job_id(), caller.tenant,
+               json_escaped(caller.name), json_escaped(caller.request_id), trace_of(job.traceparent()).trace_id);
+}
 
 }  // namespace
 
@@ -172,6 +181,7 @@ JobDesk::Created JobDesk::store(v1::CreateJobRequest request, const std::optiona
     jobs_.remove(id);
     throw Refusal(Refused::NotFound, "BLOB_NOT_FOUND", "surface.blob_id: the blob was removed meanwhile").at("surface.blob_id");
   }
+  log_accepted(caller, job);
   const Lock lock(mutex_);
   Live& kept = *(live_[id] = std::move(live));
   queue_.push(id, tenant, job.priority(), steady_seconds(kept.created));

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/durability.h"
 #include "strata/v1/job.pb.h"
 
 namespace strata::server {
@@ -65,7 +66,7 @@ class JobStore {
 std::unique_ptr<JobStore> make_memory_job_store();
 // SQLite, write-ahead log, synced before each call returns: FOLDER/jobs.db. Writes that come together share a sync. A store of an older
 // version is brought up to date. Throws std::runtime_error when it cannot be opened or was written by a newer version.
-std::unique_ptr<JobStore> open_job_store(const std::string& folder);
+std::unique_ptr<JobStore> open_job_store(const std::string& folder, Durability durability = Durability::PowerLoss);
 // A copy of FOLDER/jobs.db as it is at one moment, while a server may be using it. Throws std::runtime_error.
 void back_up_job_store(const std::string& folder, const std::string& target);
 

@@ -1,12 +1,12 @@
 // stratad: wires the parts, starts, waits for the signal, drains.
 #include <fcntl.h>
-#include <google/protobuf/stubs/logging.h>
 #include <grpc/grpc.h>
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/file.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -22,6 +22,7 @@
 #include "server/call_watch.h"
 #include "server/config.h"
 #include "server/job_log.h"
+#include "server/library_log.h"
 #include "server/metrics.h"
 #include "server/worker.h"
 
@@ -36,13 +37,16 @@ void keep_memory_between_messages() {
   mallopt(M_TOP_PAD, 64 << 20);
 }
 
+// Each connection, upload and worker takes one; many systems begin with 1024.
+void allow_many_files() {
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+  files.rlim_cur = files.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &files);
+}
+
 // Held until the process ends: whoever gives gRPC 1.51 back last waits for one of its own pollers, which may sleep for ten more seconds.
 void keep_grpc() { grpc_init(); }
-
-// What protobuf has to say of messages that others sent is no error of ours, and not JSON.
-void log_protobuf(google::protobuf::LogLevel, const char*, int, const std::string& message) {
-  spdlog::debug(R"("msg":"protobuf","text":"{}")", json_escaped(message));
-}
 
 // Blocked here and so in every thread started later; read in wait_for_signal.
 sigset_t block_signals() {
@@ -109,8 +113,8 @@ class DataLock {
 void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   const DataLock lock(config.data_folder);
   Gate gate(config.auth_file);
-  const auto blobs = open_file_blob_store(config.data_folder);
-  const auto jobs = open_job_store(config.data_folder);
+  const auto blobs = open_file_blob_store(config.data_folder, config.durability);
+  const auto jobs = open_job_store(config.data_folder, config.durability);
   const MesherDoor mesher = mesher_door();
   MemoryLedger memory(config.memory_bytes);
   const bool threads = config.isolation == Isolation::Thread;
@@ -164,9 +168,9 @@ int back_up(const Config& config) {
 
 int main(int argc, char** argv) {
   if (is_worker(argc, argv)) return worker_main(mesher_door(), argv);
+  allow_many_files();
   keep_memory_between_messages();
   keep_grpc();
-  google::protobuf::SetLogHandler(log_protobuf);
   const ParsedConfig parsed = parse_config(argc, argv);
   if (!parsed.config) return parsed.exit_code;
   const Config& config = *parsed.config;
@@ -176,6 +180,7 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_logger_mt("stratad"));
   spdlog::set_pattern(R"({"ts":"%Y-%m-%dT%H:%M:%S.%e%z","level":"%l",%v})");
   spdlog::set_level(spdlog::level::from_str(config.log_level));
+  take_library_logs();
   try {
     if (config.check_only) return check(config);
     if (!config.backup_to.empty()) return back_up(config);
@@ -183,6 +188,6 @@ int main(int argc, char** argv) {
     return 0;
   } catch (const std::exception& error) {
     std::cerr << "stratad: " << error.what() << "\n";
-    return 1;
+    return config.check_only ? 2 : 1;
   }
 }

@@ -1,8 +1,5 @@
 #include "server/memory_ledger.h"
 
-#include <algorithm>
-#include <fstream>
-#include <limits>
 #include <utility>
 
 #include "core/base/diagnostic.h"
@@ -11,31 +8,12 @@ namespace strata::server {
 namespace {
 
 constexpr std::int64_t kMiB = std::int64_t{1} << 20;
-constexpr std::int64_t kServerReserve = 512 * kMiB;
-constexpr std::int64_t kLeast = 256 * kMiB;       // a machine with less has no business here, but tests do
 constexpr std::int64_t kBaseOfWorker = 512 * kMiB;  // programs, stacks, allocator arenas
 constexpr std::int64_t kOvershoot = 3;            // limit over estimate
-
-std::int64_t number_in(const char* path, const std::string& key) {
-  std::ifstream file(path);
-  std::string word;
-  std::int64_t value = 0;
-  if (key.empty()) return file >> value ? value : std::numeric_limits<std::int64_t>::max();
-  while (file >> word)
-    if (word == key && file >> value) return value * 1024;  // /proc/meminfo counts in KiB
-  return std::numeric_limits<std::int64_t>::max();
-}
 
 }  // namespace
 
 std::int64_t memory_limit_for(std::int64_t estimated_bytes) { return kOvershoot * estimated_bytes + kBaseOfWorker; }
-
-std::int64_t usable_memory() {
-  const std::int64_t least =
-      std::min({number_in("/sys/fs/cgroup/memory.max", ""), number_in("/sys/fs/cgroup/memory/memory.limit_in_bytes", ""),
-                number_in("/proc/meminfo", "MemAvailable:")});
-  return std::max(least - kServerReserve, kLeast);
-}
 
 void refuse_what_never_fits(std::int64_t bytes, std::int64_t budget) {
   if (budget == 0 || bytes <= budget) return;

@@ -15,9 +15,6 @@ std::int64_t memory_limit_for(std::int64_t estimated_bytes);
 // is none.
 void refuse_what_never_fits(std::int64_t bytes, std::int64_t budget);
 
-// Memory this process and its children may use: the limit of its cgroup or what the machine has available, less a reserve for the server.
-std::int64_t usable_memory();
-
 class MemoryLedger {
  public:
   explicit MemoryLedger(std::int64_t budget_bytes) : budget_(budget_bytes) {}

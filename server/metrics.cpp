@@ -85,6 +85,8 @@ struct Metrics::Parts {
       prometheus::BuildCounter().Name("strata_job_cpu_seconds_total").Help("CPU time while jobs ran").Register(*registry).Add({});
   prometheus::Family<prometheus::Counter>& calls =
       prometheus::BuildCounter().Name("strata_rpc_requests_total").Help("Calls that ended, by method and status").Register(*registry);
+  prometheus::Family<prometheus::Counter>& refused =
+      prometheus::BuildCounter().Name("strata_rpc_refused_total").Help("Calls that were refused, by method and reason").Register(*registry);
   prometheus::Family<prometheus::Histogram>& call_seconds =
       prometheus::BuildHistogram().Name("strata_rpc_seconds").Help("Time from the begin of calls to their end").Register(*registry);
   prometheus::Family<prometheus::Gauge>& open_calls =
@@ -162,6 +164,10 @@ void Metrics::call_ended(const std::string& rpc, const std::string& code, double
   parts_->open_calls.Add({{"rpc", rpc}}).Decrement();
   parts_->calls.Add({{"rpc", rpc}, {"code", code}}).Increment();
   parts_->call_seconds.Add({{"rpc", rpc}}, kCallSeconds).Observe(seconds);
+}
+
+void Metrics::call_refused(const std::string& rpc, const std::string& reason) {
+  parts_->refused.Add({{"rpc", rpc}, {"reason", reason}}).Increment();
 }
 
 void Metrics::serve(const std::string& address, const JobDesk& desk, const MemoryLedger& memory) {

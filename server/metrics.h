@@ -19,6 +19,8 @@ class Metrics {
   // A call of a service, such as "JobService/GetJob".
   void call_began(const std::string& rpc);
   void call_ended(const std::string& rpc, const std::string& code, double seconds);
+  // A call that was refused, and why: a reason of the service's own, such as QUEUE_FULL.
+  void call_refused(const std::string& rpc, const std::string& reason);
   // Serves /metrics on host:port; the load is that of `desk`, which must live until stop(). Throws std::runtime_error.
   void serve(const std::string& address, const JobDesk& desk, const MemoryLedger& memory);
   void stop();

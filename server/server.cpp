@@ -9,6 +9,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "server/listener.h"
+
 namespace strata::server {
 namespace {
 
@@ -45,9 +47,13 @@ bool is_unix(const std::string& address) { return address.rfind("unix:", 0) == 0
 
 void set_limits(grpc::ServerBuilder& builder, const WireLimits& limits) {
   builder.SetMaxReceiveMessageSize(static_cast<int>(limits.max_message_bytes));
+  // gRPC unpacks a message whole before it looks at its size; frames are packed by themselves, and are never taken at their word.
+  for (const grpc_compression_algorithm packed : {GRPC_COMPRESS_DEFLATE, GRPC_COMPRESS_GZIP})
+    builder.SetCompressionAlgorithmSupportStatus(packed, false);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two servers on one port would share jobs by accident
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 10'000);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600'000);  // clients connect again without their users noticing
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20'000);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10'000);
@@ -57,7 +63,7 @@ void set_limits(grpc::ServerBuilder& builder, const WireLimits& limits) {
 
 struct Server::Parts {
   std::unique_ptr<grpc::Service> jobs, blobs, system;
-  std::vector<std::string> addresses;
+  std::unique_ptr<Listener> listener;
   std::unique_ptr<grpc::Server> server;  // goes first
 };
 
@@ -89,29 +95,26 @@ Server::Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, 
   set_limits(builder, options.limits);
   builder.experimental().SetInterceptorCreators(std::move(watchers));
   for (const auto& service : {parts_->jobs.get(), parts_->blobs.get(), parts_->system.get()}) builder.RegisterService(service);
-  std::vector<int> ports(options.listen.size(), 0);
-  for (std::size_t i = 0; i < options.listen.size(); ++i) {
-    const std::string& address = options.listen[i];
+  parts_->listener = std::make_unique<Listener>(options.max_connections);
+  for (const std::string& address : options.listen) {
     const bool encrypt = tls && !is_unix(address);
-    builder.AddListeningPort(address, encrypt ? tls_credentials(options.tls) : grpc::InsecureServerCredentials(), &ports[i]);
+    parts_->listener->add(address, builder, encrypt ? tls_credentials(options.tls) : grpc::InsecureServerCredentials());
   }
   parts_->server = builder.BuildAndStart();
-  for (std::size_t i = 0; i < options.listen.size(); ++i) {
-    const std::string& address = options.listen[i];
-    if (!parts_->server || ports[i] == 0) throw std::runtime_error("cannot listen on " + address);
-    parts_->addresses.push_back(is_unix(address) ? address : address.substr(0, address.rfind(':') + 1) + std::to_string(ports[i]));
-  }
+  if (!parts_->server) throw std::runtime_error("gRPC cannot start a server");
   for (const char* service : kServices) parts_->server->GetHealthCheckService()->SetServingStatus(service, true);
+  parts_->listener->start();
 }
 
 Server::~Server() { shutdown(std::chrono::milliseconds(0)); }
 
-const std::vector<std::string>& Server::addresses() const { return parts_->addresses; }
+const std::vector<std::string>& Server::addresses() const { return parts_->listener->addresses(); }
 
 void Server::set_not_serving() { parts_->server->GetHealthCheckService()->SetServingStatus(false); }
 
 void Server::shutdown(std::chrono::milliseconds grace) {
   if (!parts_->server) return;
+  parts_->listener->stop();
   parts_->server->Shutdown(std::chrono::system_clock::now() + grace);
   parts_->server->Wait();
   parts_->server.reset();

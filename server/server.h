@@ -23,6 +23,7 @@ struct ServerOptions {
   std::vector<std::string> listen = {"127.0.0.1:50051"};  // host:port (port 0: any) or unix:/path
   TlsFiles tls;
   bool insecure = false;    // allow TCP beyond loopback without TLS
+  int max_connections = 4096;
   WireLimits limits;
 };
 

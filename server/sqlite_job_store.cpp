@@ -15,9 +15,9 @@ namespace {
 
 class SqliteJobStore final : public JobStore {
  public:
-  explicit SqliteJobStore(const std::string& path) : writer_(path), reader_(path), writes_(writer_) {
+  SqliteJobStore(const std::string& path, Durability durability) : writer_(path), reader_(path), writes_(writer_) {
     writer_.run("PRAGMA journal_mode = WAL");
-    writer_.run("PRAGMA synchronous = FULL");
+    writer_.run(durability == Durability::PowerLoss ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = OFF");
     migrate(writer_, path);
   }
 
@@ -178,9 +178,9 @@ class SqliteJobStore final : public JobStore {
 
 }  // namespace
 
-std::unique_ptr<JobStore> open_job_store(const std::string& folder) {
+std::unique_ptr<JobStore> open_job_store(const std::string& folder, Durability durability) {
   std::filesystem::create_directories(folder);
-  return std::make_unique<SqliteJobStore>(folder + "/jobs.db");
+  return std::make_unique<SqliteJobStore>(folder + "/jobs.db", durability);
 }
 
 void back_up_job_store(const std::string& folder, const std::string& target) {

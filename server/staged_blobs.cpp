@@ -12,11 +12,11 @@ namespace {
 
 class StagedBlobs final : public BlobStore {
  public:
-  StagedBlobs(BlobInfo surface, std::string surface_path, std::string folder)
-      : surface_(std::move(surface)), surface_path_(std::move(surface_path)), folder_(std::move(folder)) {}
+  StagedBlobs(BlobInfo surface, std::string surface_path, std::string folder, Durability durability)
+      : surface_(std::move(surface)), surface_path_(std::move(surface_path)), folder_(std::move(folder)), durability_(durability) {}
 
   std::unique_ptr<BlobWriter> create(const std::string&) override {
-    return write_file(folder_, [](const std::string&, const BlobInfo&) {});
+    return write_file(folder_, durability_, [](const std::string&, const BlobInfo&) {});
   }
   std::optional<BlobInfo> find(const std::string& id) const override { return id == surface_.id ? std::optional(surface_) : std::nullopt; }
   std::unique_ptr<BlobReader> open(const std::string&) const override { return open_file(surface_path_); }
@@ -36,18 +36,20 @@ class StagedBlobs final : public BlobStore {
   std::optional<UploadInfo> find_upload(const std::string&) const override { return {}; }
   UploadInfo write_upload(const std::string&, std::int64_t, std::string_view) override { not_here(); }
   UploadInfo commit_upload(const std::string&) override { not_here(); }
+  Durability durability() const override { return durability_; }
 
  private:
   [[noreturn]] static void not_here() { throw std::logic_error("a worker has no uploads"); }
 
   const BlobInfo surface_;
   const std::string surface_path_, folder_;
+  const Durability durability_;
 };
 
 }  // namespace
 
-std::unique_ptr<BlobStore> make_staged_blobs(BlobInfo surface, std::string surface_path, std::string folder) {
-  return std::make_unique<StagedBlobs>(std::move(surface), std::move(surface_path), std::move(folder));
+std::unique_ptr<BlobStore> make_staged_blobs(BlobInfo surface, std::string surface_path, std::string folder, Durability durability) {
+  return std::make_unique<StagedBlobs>(std::move(surface), std::move(surface_path), std::move(folder), durability);
 }
 
 }  // namespace strata::server

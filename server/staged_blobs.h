@@ -8,6 +8,6 @@
 
 namespace strata::server {
 
-std::unique_ptr<BlobStore> make_staged_blobs(BlobInfo surface, std::string surface_path, std::string folder);
+std::unique_ptr<BlobStore> make_staged_blobs(BlobInfo surface, std::string surface_path, std::string folder, Durability durability);
 
 }  // namespace strata::server

@@ -121,4 +121,13 @@ grpc::Status to_status(const v1::JobError& error) {
       .build();
 }
 
+std::string reason_in(const std::string& error_details) {
+  google::rpc::Status status;
+  google::rpc::ErrorInfo info;
+  if (status.ParseFromString(error_details))
+    for (const auto& detail : status.details())
+      if (detail.UnpackTo(&info)) return info.reason();
+  return {};
+}
+
 }  // namespace strata::server

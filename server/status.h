@@ -4,6 +4,7 @@
 #include <grpcpp/support/status.h>
 
 #include <new>
+#include <string>
 
 #include "core/base/diagnostic.h"
 #include "server/job_error.h"
@@ -18,6 +19,9 @@ inline constexpr std::size_t kMaxDetailBytes = 4096;
 grpc::Status to_status(const MeshError& error);
 grpc::Status to_status(const Refusal& refusal);
 grpc::Status to_status(const v1::JobError& error);
+
+// ErrorInfo.reason in the details; empty: there is none.
+std::string reason_in(const std::string& error_details);
 
 // The status of running `body`.
 template <class Body>

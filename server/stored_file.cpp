@@ -53,6 +53,10 @@ void File::sync() const {
   if (::fsync(fd_) != 0) device_failed("cannot make a blob durable");
 }
 
+void File::begin_sync(std::int64_t offset, std::int64_t size) const {
+  static_cast<void>(::sync_file_range(fd_, offset, size, SYNC_FILE_RANGE_WRITE));  // what fails here, fails in sync() too
+}
+
 void File::truncate(std::int64_t size) const {
   if (::ftruncate(fd_, size) != 0) device_failed("cannot empty an upload");
 }
@@ -77,8 +81,12 @@ class FileWriter final : public BlobWriter {
  public:
   using Published = std::function<void(const std::string&, const BlobInfo&)>;
 
-  FileWriter(const std::string& folder, Published published)
-      : published_to_(std::move(published)), id_(random_id()), path_(folder + "/" + id_), file_(path_, O_RDWR | O_CREAT | O_EXCL) {}
+  FileWriter(const std::string& folder, Durability durability, Published published)
+      : durability_(durability),
+        published_to_(std::move(published)),
+        id_(random_id()),
+        path_(folder + "/" + id_),
+        file_(path_, O_RDWR | O_CREAT | O_EXCL) {}
   ~FileWriter() override {
     if (!published_) ::unlink(path_.c_str());
   }
@@ -91,8 +99,7 @@ class FileWriter final : public BlobWriter {
     }
     flush();
     if (bytes.size() >= kBuffer) {
-      file_.write(written_, bytes);
-      written_ += static_cast<std::int64_t>(bytes.size());
+      put(bytes);
     } else {
       buffer_ = bytes;
     }
@@ -100,7 +107,7 @@ class FileWriter final : public BlobWriter {
 
   BlobInfo publish() override {
     flush();
-    file_.sync();
+    if (durability_ == Durability::PowerLoss) file_.sync();
     BlobInfo blob{id_, written_, sha_.finish(), {}};
     published_to_(path_, blob);
     published_ = true;
@@ -110,18 +117,29 @@ class FileWriter final : public BlobWriter {
  private:
   static constexpr std::size_t kBuffer = std::size_t{1} << 20;  // writers of text write in small pieces
 
+  static constexpr std::int64_t kBeginSync = std::int64_t{8} << 20;
+
   void flush() {
-    file_.write(written_, buffer_);
-    written_ += static_cast<std::int64_t>(buffer_.size());
+    put(buffer_);
     buffer_.clear();
   }
 
+  void put(std::string_view bytes) {
+    file_.write(written_, bytes);
+    written_ += static_cast<std::int64_t>(bytes.size());
+    if (durability_ != Durability::PowerLoss || written_ - begun_ < kBeginSync) return;
+    file_.begin_sync(begun_, written_ - begun_);
+    begun_ = written_;
+  }
+
+  const Durability durability_;
   Published published_to_;
   std::string id_, path_;
   File file_;
   std::string buffer_;
   wire::Sha256 sha_;
   std::int64_t written_ = 0;
+  std::int64_t begun_ = 0;  // the disk has begun with what lies before
   bool published_ = false;
 };
 
@@ -129,8 +147,9 @@ class FileWriter final : public BlobWriter {
 
 std::unique_ptr<BlobReader> open_file(const std::string& path) { return std::make_unique<FileReader>(path); }
 
-std::unique_ptr<BlobWriter> write_file(const std::string& folder, std::function<void(const std::string&, const BlobInfo&)> published) {
-  return std::make_unique<FileWriter>(folder, std::move(published));
+std::unique_ptr<BlobWriter> write_file(const std::string& folder, Durability durability,
+                                       std::function<void(const std::string&, const BlobInfo&)> published) {
+  return std::make_unique<FileWriter>(folder, durability, std::move(published));
 }
 
 }  // namespace strata::server

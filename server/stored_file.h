@@ -25,6 +25,8 @@ class File {
   void write(std::int64_t offset, std::string_view bytes) const;
   std::size_t read(std::int64_t offset, std::span<char> into) const;
   void sync() const;
+  // Has the disk begin with these bytes, so that sync() has less to wait for.
+  void begin_sync(std::int64_t offset, std::int64_t size) const;
   void truncate(std::int64_t size) const;
 
  private:
@@ -35,7 +37,8 @@ void sync_folder(const std::string& folder);
 
 std::unique_ptr<BlobReader> open_file(const std::string& path);
 
-// Writes FOLDER/ID, a new id. publish() syncs the file and hands it to `published`; without publish() it is removed.
-std::unique_ptr<BlobWriter> write_file(const std::string& folder, std::function<void(const std::string& path, const BlobInfo&)> published);
+// Writes FOLDER/ID, a new id. publish() makes the file as durable as asked and hands it to `published`; without publish() it is removed.
+std::unique_ptr<BlobWriter> write_file(const std::string& folder, Durability durability,
+                                       std::function<void(const std::string& path, const BlobInfo&)> published);
 
 }  // namespace strata::server

@@ -107,7 +107,8 @@ void mesh(wire::Order& order, Orders& orders, const MesherDoor& mesher) {
   BlobInfo surface;
   surface.id = order.request().surface().blob_id();
   surface.size = order.surface_bytes();
-  const auto blobs = make_staged_blobs(surface, order.surface_path(), order.staging_folder());
+  const Durability durability = order.results_outlive_power_loss() ? Durability::PowerLoss : Durability::Process;
+  const auto blobs = make_staged_blobs(surface, order.surface_path(), order.staging_folder(), durability);
   const MemoryGate gate = [&](const Estimate& estimate) {
     wire::Report report;
     *report.mutable_estimate() = to_wire(estimate);

@@ -62,6 +62,8 @@ class Tls(Case):
         self.expect(self.call(self.tls_server("stranger")), 6)
         self.assertTrue(server.alive)
         self.expect(self.call(server), 0)
+        for line in server.log().splitlines():
+            json.loads(line)  # what the library says of handshakes that failed is in the log's form too
 
     def test_an_expired_certificate_is_refused(self):
         time.sleep(1.5)

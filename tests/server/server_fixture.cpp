@@ -32,6 +32,8 @@ void ServerFixture::start(TestOptions options) {
   desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, *checker_, mesher_.door(), options.desk);
   ServerOptions wire;
   wire.listen = {"unix:" + folder_ + "/socket"};
+  if (!options.listen.empty()) wire.listen.push_back(options.listen);
+  wire.max_connections = options.max_connections;
   wire.limits = options.limits;
   server_ = std::make_unique<Server>(wire, Server::CallWatchers(), *gate_, *desk_, *blobs_);
   channel_ = grpc::CreateChannel(server_->addresses().front(), grpc::InsecureChannelCredentials());

@@ -23,6 +23,8 @@ struct TestOptions {
   DeskOptions desk;
   WireLimits limits;
   std::string auth_file;
+  std::string listen;  // besides the Unix socket; empty: nowhere
+  int max_connections = 1000;
 };
 
 class ServerFixture : public testing::Test {
