@@ -97,6 +97,7 @@ void add_flags(CLI::App& app, Config& config) {
       "STRATAD_MEMORY");
   app.add_option("--worker-program", config.worker_program)->group("");
   env(app.add_option("--queue", config.desk.queue_capacity, "Jobs that may wait")->check(CLI::Range(0, 1'000'000)), "STRATAD_QUEUE");
+  env(app.add_option("--max-watches", config.desk.max_watchers, "Watches at once")->check(CLI::Range(1, 1'000'000)), "STRATAD_MAX_WATCHES");
   env(app.add_option("--max-cells", config.desk.admission.max_cells, "Cells of a job's octree; larger ones are coarsened; 0: no limit")
           ->check(CLI::NonNegativeNumber),
       "STRATAD_MAX_CELLS");

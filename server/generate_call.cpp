@@ -81,7 +81,12 @@ class GenerateCall final
       job_id_ = job_id;
     }
     feed_.emplace(desk_, job_id, FeedOptions{});
-    desk_.watch(job_id, weak_from_this());
+    try {
+      desk_.watch(job_id, weak_from_this());
+    } catch (const Refusal&) {
+      desk_.cancel(caller_, job_id);  // nobody would hear of its end
+      throw;
+    }
     if (client_gone_) client_left();
   }
 

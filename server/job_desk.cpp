@@ -13,6 +13,7 @@ namespace {
 constexpr std::chrono::milliseconds kTick{100};
 constexpr int kDefaultPage = 100;
 constexpr int kMaxPage = 1000;
+constexpr double kRetryWatch = 5;  // seconds
 
 Refusal no_job(const std::string& job_id) {
   return Refusal(Refused::NotFound, "JOB_NOT_FOUND", is_id(job_id) ? "there is no job " + job_id : "there is no such job").at("job_id");
@@ -146,6 +147,9 @@ void JobDesk::forget(const std::string& job_id) {
 
 void JobDesk::watch(const std::string& job_id, const std::weak_ptr<Watcher>& watcher) {
   const Lock lock(mutex_);
+  if (static_cast<int>(watchers_.size()) >= options_.max_watchers)
+    throw Refusal(Refused::ResourceExhausted, "TOO_MANY_WATCHES", std::to_string(watchers_.size()) + " watches are open already")
+        .retry_after(kRetryWatch);
   watchers_.push_back(watcher);
   const auto found = live_.find(job_id);
   if (found != live_.end()) found->second->watchers.push_back(watcher);

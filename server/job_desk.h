@@ -27,6 +27,7 @@ namespace strata::server {
 
 struct DeskOptions {
   int queue_capacity = 1000;
+  int max_watchers = 20'000;  // some 15 KiB each
   int threads_per_job = 1;
   AdmissionOptions admission;
   double time_limit_seconds = 0;      // of every job; 0: none
@@ -70,7 +71,7 @@ class JobDesk {
   v1::Job cancel(const Caller& caller, const std::string& job_id);
   void remove(const Caller& caller, const v1::DeleteJobRequest& request);
 
-  // Pokes `watcher` now and then, and whenever something happens to the job, for as long as it lives.
+  // Pokes `watcher` now and then, and whenever something happens to the job, for as long as it lives. Throws Refusal RESOURCE_EXHAUSTED.
   void watch(const std::string& job_id, const std::weak_ptr<Watcher>& watcher);
   // What happened after that sequence. Throws Refusal NOT_FOUND.
   News news(const std::string& job_id, std::int64_t after_sequence, bool with_progress) const;

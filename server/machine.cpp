@@ -30,6 +30,11 @@ std::optional<double> cores_in(const std::string& path) {
   return file >> quota >> period && period > 0 ? std::optional(quota / period) : std::nullopt;
 }
 
+std::optional<double> cores_of_first_version(const std::string& folder) {
+  const auto quota = number_in(folder + "/cpu.cfs_quota_us"), period = number_in(folder + "/cpu.cfs_period_us");
+  return quota && period && *period > 0 ? std::optional(*quota / *period) : std::nullopt;
+}
+
 void narrow(GroupLimits& limits, std::optional<double> cores, std::optional<double> memory) {
   constexpr auto kNone = static_cast<double>(std::int64_t{1} << 60);  // version 1 says "no limit" by a huge number
   if (cores && *cores > 0 && (limits.cores == 0 || *cores < limits.cores)) limits.cores = *cores;
@@ -66,7 +71,7 @@ double available_memory(const std::string& path) {
 
 GroupLimits group_limits(const std::string& root) {
   GroupLimits limits;
-  const std::string groups = root + "/sys/fs/cgroup";
+  const std::string groups = root + "/sys/fs/cgroup", memory = groups + "/memory", cpu = groups + "/cpu";
   std::ifstream file(root + "/proc/self/cgroup");
   for (std::string line; std::getline(file, line);) {  // ID:CONTROLLERS:PATH
     const std::size_t first = line.find(':'), second = line.find(':', first + 1);
@@ -77,13 +82,8 @@ GroupLimits group_limits(const std::string& root) {
       look_upwards(
           path, [&](const std::string& at) { narrow(limits, cores_in(groups + at + "/cpu.max"), number_in(groups + at + "/memory.max")); });
     if (has(controllers, "memory"))
-      look_upwards(path, [&](const std::string& at) { narrow(limits, {}, number_in(groups + "/memory" + at + "/memory.limit_in_bytes")); });
-    if (has(controllers, "cpu"))
-      look_upwards(path, [&](const std::string& at) {
-        const std::string folder = groups + "/cpu" + at;
-        const auto quota = number_in(folder + "/cpu.cfs_quota_us"), period = number_in(folder + "/cpu.cfs_period_us");
-        if (quota && period && *period > 0) narrow(limits, *quota / *period, {});
-      });
+      look_upwards(path, [&](const std::string& at) { narrow(limits, {}, number_in(memory + at + "/memory.limit_in_bytes")); });
+    if (has(controllers, "cpu")) look_upwards(path, [&](const std::string& at) { narrow(limits, cores_of_first_version(cpu + at), {}); });
   }
   return limits;
 }

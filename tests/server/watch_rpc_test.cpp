@@ -103,5 +103,33 @@ TEST_F(WatchRpc, AWatcherThatLeavesDisturbsNobody) {
   EXPECT_EQ(wait_final(request.job_id()).state(), v1::JOB_STATE_SUCCEEDED);
 }
 
+TEST_F(WatchRpc, WatchesBeyondTheLimitAreToldWhenToComeBack) {
+  TestOptions options;
+  options.desk.max_watchers = 2;
+  start(options);
+  mesher_.hold();
+  v1::WatchJobRequest request;
+  request.set_job_id(create(tetrahedron_job()).job_id());
+  v1::WatchJobResponse event;
+  grpc::ClientContext first, second, third;
+  const auto one = job_stub_->WatchJob(&first, request);
+  const auto two = job_stub_->WatchJob(&second, request);
+  ASSERT_TRUE(one->Read(&event) && two->Read(&event));
+  const grpc::Status refused = job_stub_->WatchJob(&third, request)->Finish();
+  EXPECT_EQ(refused.error_code(), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(reason_of(refused), "TOO_MANY_WATCHES");
+  EXPECT_GT(retry_of(refused), 0);
+
+  first.TryCancel();
+  bool watched = false;
+  for (int i = 0; i < 100 && !watched; ++i, std::this_thread::sleep_for(50ms)) {
+    grpc::ClientContext again;
+    watched = job_stub_->WatchJob(&again, request)->Read(&event);
+    again.TryCancel();
+  }
+  EXPECT_TRUE(watched);
+  mesher_.release();
+}
+
 }  // namespace
 }  // namespace strata::server
