@@ -22,7 +22,4 @@ struct Dual {
 // all hexes round every node that is not outside are there.
 Dual dualize(Octree octree, Context& context);
 
-// How many hexes dualize would make, without making them.
-std::int64_t count_dual_hexes(const Octree& octree);
-
 }  // namespace strata

@@ -334,11 +334,4 @@ Dual dualize(Octree octree, Context& context) {
   return dual;
 }
 
-std::int64_t count_dual_hexes(const Octree& octree) {
-  const Blocks blocks = look_round(octree);
-  return parallel_reduce(
-      octree.block_count(), std::int64_t{0}, [&](std::size_t b) { return hexes_of_block(blocks, b); },
-      [](std::int64_t a, std::int64_t b) { return a + b; });
-}
-
 }  // namespace strata
