@@ -34,6 +34,10 @@ class Resume(Case):
         self.addCleanup(proxy.close)
         return proxy
 
+    # A surface that no other test sends: a known one is not sent again. The tests of a class share the server.
+    def rotated(self, places):
+        return self.triangles[places:] + self.triangles[:places]
+
     def test_the_result_is_worth_several_frames(self):
         self.assertGreater(self.size, 2.5e6)
 
@@ -56,7 +60,7 @@ class Resume(Case):
             self.expect(run("--server", proxy.address, "--compress", packing, "get", self.job, "-o", out), 0)
             self.assertEqual(digest(out), self.digest)
             down[packing] = proxy.down
-            surface = write_binary_stl(self.folder / f"{n}.stl", self.triangles[100 + n:] + self.triangles[:100 + n])
+            surface = write_binary_stl(self.folder / f"{n}.stl", self.rotated(-100 - n))
             proxy = self.proxy()
             job = self.expect(run("--server", proxy.address, "--compress", packing, "submit", surface, "--spec", self.coarse), 0).stdout.strip()
             self.expect(self.server.run("cancel", job), 0)
@@ -113,8 +117,7 @@ class Resume(Case):
     def test_an_upload_survives_cuts(self):
         for seed in range(SEEDS):
             with self.subTest(seed=seed):
-                # Another surface each time: a known one is not sent again.
-                surface = write_binary_stl(self.folder / f"{seed}.stl", self.triangles[seed:] + self.triangles[:seed])
+                surface = write_binary_stl(self.folder / f"{seed}.stl", self.rotated(seed))
                 self.assertGreater(surface.stat().st_size, 2.5e6)
                 packing = PACKINGS[seed % 2]
                 proxy = self.proxy(seed=seed, cuts=3, span=(1000, 1500000 if packing == "never" else 160000))
@@ -126,7 +129,7 @@ class Resume(Case):
                 self.assertNotIn("DIGEST", self.server.run("show", job).stdout)
 
     def test_a_known_surface_is_not_sent_again(self):
-        surface = write_binary_stl(self.folder / "a.stl", self.triangles[7:] + self.triangles[:7])
+        surface = write_binary_stl(self.folder / "a.stl", self.rotated(-7))
         sent = []
         for _ in range(2):
             proxy = self.proxy()
