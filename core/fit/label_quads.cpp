@@ -46,7 +46,7 @@ IdMap<ChartId, ChartId> joined_charts(const Matching& m) {
       for (CurveId c : m.plan.routes[r].curves) held[c] = 1;
   for (CurveId c : features.curves.ids()) {
     const ChartId left = features.curves[c].left, right = features.curves[c].right;
-    if (held[c] || !left.valid() || !right.valid()) continue;
+    if (held[c] || m.plan.contracted[c] || !left.valid() || !right.valid()) continue;
     const ChartId a = root(left), b = root(right);
     parent[std::max(a, b)] = std::min(a, b);
   }

@@ -22,6 +22,9 @@ constexpr double kShortcut = 0.6;        // a path shorter than this share of it
 constexpr int kMaxSplits = 12;           // anchors against shortcuts
 constexpr int kMaxFights = 6;            // times that a route may move others aside
 constexpr double kAnchorReach = 2.0;     // an anchor is sought within so many local edge lengths
+constexpr std::size_t kStarts = 6;       // vertices that a closed path is tried from, at each of kStartPlaces along the curve
+constexpr int kStartPlaces = 3;
+constexpr int kZones = 3;                // of a closed curve; a path passes them in order, so that it goes round once
 
 struct Way {
   double reach = kReach;
@@ -60,6 +63,7 @@ class Router {
     std::uint32_t epoch = 0;   // of cost and from
     std::uint32_t seen = 0;    // of offset, tangent
     Vec3 offset = Vec3::Zero(), tangent = Vec3::Zero();  // from the curve
+    double arc = 0;            // along the curve
   };
   struct Piece {  // of a route between two arc lengths
     Port start, goal;
@@ -76,6 +80,8 @@ class Router {
       hint_ = at.segment;
       s.offset = m_.mesh.position[v] - at.position;
       s.tangent = at.tangent;
+      const auto segment = static_cast<std::size_t>(at.segment);
+      s.arc = arcs_[segment] + (at.position - route().points[segment]).norm();
     }
     return s;
   }
@@ -148,6 +154,70 @@ class Router {
     return path;
   }
 
+  struct Round {
+    double cost = std::numeric_limits<double>::infinity();
+    std::vector<std::int32_t> path;
+  };
+
+  // The dearest-but-cheaper-than-`limit` way once round a closed curve, from a vertex to itself.
+  Round shortest_round(VertexId start, const std::array<Port, 2>& ports, const Way& way, double limit) {
+    ++epoch_;
+    const double length = route().length, origin_arc = located(start).arc;
+    const auto zone = [&](VertexId v) {
+      const double arc = located(v).arc - origin_arc;
+      return std::min(static_cast<int>(kZones * (arc < 0 ? arc + length : arc) / length), kZones - 1);
+    };
+    using Item = std::pair<double, std::int32_t>;
+    std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
+    State& origin = state_[start];
+    origin.cost = std::numeric_limits<double>::infinity();
+    origin.epoch = epoch_;
+    const auto relax = [&](VertexId v, double cost, std::int32_t e) {
+      const VertexId u = m_.skin.other_end(e, v);
+      const bool leaves = v == start, arrives = u == start;
+      if (!way.free_ports && leaves && ports[0].edge >= 0 && e != ports[0].edge) return;
+      if (!way.free_ports && arrives && ports[1].edge >= 0 && e != ports[1].edge) return;
+      const int from = leaves ? 0 : zone(v), to = arrives ? kZones : zone(u);
+      if (to != from && to != from + 1) return;
+      if (!may_step(u, e, start, way)) return;
+      const double next = cost + weight(v, u, way);
+      State& s = state_[u];
+      if (!(next < limit) || (s.epoch == epoch_ && next >= s.cost)) return;
+      s.cost = next;
+      s.from = e;
+      s.epoch = epoch_;
+      queue.emplace(next, u.value);
+    };
+    for (std::int32_t e : m_.skin.edges_round(start)) relax(start, 0, e);
+    while (!queue.empty()) {
+      const auto [cost, at] = queue.top();
+      queue.pop();
+      const VertexId v(at);
+      if (cost > state_[v].cost) continue;
+      if (v == start) {
+        std::vector<std::int32_t> path = {origin.from};
+        const std::vector<std::int32_t> rest = walk_back(start, m_.skin.other_end(origin.from, start));
+        path.insert(path.begin(), rest.begin(), rest.end());
+        return {cost, std::move(path)};
+      }
+      for (std::int32_t e : m_.skin.edges_round(v)) relax(v, cost, e);
+    }
+    return {};
+  }
+
+  // A closed path: through its corner's vertex, or through the start it is cheapest from.
+  [[nodiscard]] std::vector<std::int32_t> closed_path(const Way& way) {
+    const auto& ports = m_.ports[static_cast<std::size_t>(r_)];
+    if (route().first.valid()) return ports[0].vertex.valid() ? shortest_round(ports[0].vertex, ports, way, std::numeric_limits<double>::infinity()).path : std::vector<std::int32_t>();
+    Round best;
+    for (int i = 0; i < kStartPlaces && best.path.empty(); ++i)
+      for (VertexId v : starts_near(along(i * route().length / kStartPlaces), way)) {
+        Round found = shortest_round(v, {}, way, best.cost);
+        if (!found.path.empty()) best = std::move(found);
+      }
+    return best.path;
+  }
+
   [[nodiscard]] Vec3 along(double s) const {
     const auto& points = route().points;
     for (std::size_t i = 0; i + 1 < points.size(); ++i) {
@@ -158,37 +228,24 @@ class Router {
     return points.back();
   }
 
-  // A free vertex near a place on the curve, to pin a path or to start a closed one.
+  [[nodiscard]] bool may_hold(VertexId v, const Way& way) const {
+    if (m_.corner_at[v].valid() || m_.reserved[v] >= 0) return false;
+    return m_.route_at[v] < 0 || (m_.route_at[v] != r_ && way.evict);
+  }
+  // A free vertex near a place on the curve, to pin a path.
   [[nodiscard]] VertexId anchor_near(const Vec3& p, const std::vector<VertexId>& taken, const Way& way) const {
     const VertexId nearest = m_.tree.nearest(p);
-    for (VertexId v : m_.tree.within(p, kAnchorReach * m_.size[nearest])) {
-      if (m_.corner_at[v].valid() || m_.reserved[v] >= 0) continue;
-      if (m_.route_at[v] >= 0 && (m_.route_at[v] == r_ || !way.evict)) continue;
-      if (std::find(taken.begin(), taken.end(), v) == taken.end()) return v;
-    }
+    for (VertexId v : m_.tree.within(p, kAnchorReach * m_.size[nearest]))
+      if (may_hold(v, way) && std::find(taken.begin(), taken.end(), v) == taken.end()) return v;
     return {};
   }
-
-  [[nodiscard]] std::vector<Piece> pieces(const Way& way) const {
-    const double length = route().length;
-    const auto& ports = m_.ports[static_cast<std::size_t>(r_)];
-    if (route().first.valid()) {
-      const Port &a = ports[0], &b = ports[1];
-      if (!a.vertex.valid() || !b.vertex.valid()) return {};
-      if (a.vertex != b.vertex) return {{a, b, 0, length}};
-      const VertexId v = anchor_near(along(0.5 * length), {a.vertex}, way);
-      if (!v.valid()) return {};
-      return {{a, {v, -1}, 0, 0.5 * length}, {{v, -1}, b, 0.5 * length, length}};
-    }
-    std::vector<VertexId> anchors;
-    for (int i = 0; i < 3; ++i) {
-      anchors.push_back(anchor_near(along(i * length / 3), anchors, way));
-      if (!anchors.back().valid()) return {};
-    }
-    const double third = length / 3;
-    return {{{anchors[0], -1}, {anchors[1], -1}, 0, third},
-            {{anchors[1], -1}, {anchors[2], -1}, third, 2 * third},
-            {{anchors[2], -1}, {anchors[0], -1}, 2 * third, length}};
+  // To start a closed path.
+  [[nodiscard]] std::vector<VertexId> starts_near(const Vec3& p, const Way& way) const {
+    std::vector<VertexId> starts;
+    const VertexId nearest = m_.tree.nearest(p);
+    for (VertexId v : m_.tree.within(p, kAnchorReach * m_.size[nearest]))
+      if (starts.size() < kStarts && may_hold(v, way)) starts.push_back(v);
+    return starts;
   }
 
   [[nodiscard]] double path_length(const std::vector<std::int32_t>& path) const {
@@ -212,6 +269,20 @@ class Router {
     held_.push_back(v);
   }
 
+  // False: there is none.
+  bool take_path(const std::vector<std::int32_t>& path) {
+    for (std::int32_t e : path) {
+      const SkinEdge& edge = m_.skin.edges()[static_cast<std::size_t>(e)];
+      take(edge.a);
+      take(edge.b);
+    }
+    for (std::int32_t e : path) {
+      m_.route_of_edge[static_cast<std::size_t>(e)] = r_;
+      m_.path[static_cast<std::size_t>(r_)].push_back(e);
+    }
+    return !path.empty();
+  }
+
   void release(std::int32_t r) {
     for (std::int32_t e : m_.path[static_cast<std::size_t>(r)]) {
       m_.route_of_edge[static_cast<std::size_t>(e)] = -1;
@@ -231,8 +302,13 @@ class Router {
     evicted_.clear();
     undo_.clear();
     held_.clear();
-    std::vector<Piece> todo = pieces(way);
-    if (todo.empty()) return false;
+    arcs_.assign(1, 0.0);
+    for (std::size_t i = 0; i + 1 < route().points.size(); ++i)
+      arcs_.push_back(arcs_.back() + (route().points[i + 1] - route().points[i]).norm());
+    if (route().closed) return take_path(closed_path(way));
+    const auto& [first, last] = m_.ports[static_cast<std::size_t>(r)];
+    if (!first.vertex.valid() || !last.vertex.valid()) return false;
+    std::vector<Piece> todo = {{first, last, 0, route().length}};
     std::vector<std::int32_t>& path = m_.path[static_cast<std::size_t>(r)];
     const auto give_up = [&] {
       for (std::int32_t e : path) m_.route_of_edge[static_cast<std::size_t>(e)] = -1;
@@ -266,15 +342,7 @@ class Router {
         todo.push_back({{v, -1}, piece.goal, middle, piece.to});
         continue;
       }
-      for (std::int32_t e : *found) {
-        const SkinEdge& edge = m_.skin.edges()[static_cast<std::size_t>(e)];
-        take(edge.a);
-        take(edge.b);
-      }
-      for (std::int32_t e : *found) {
-        m_.route_of_edge[static_cast<std::size_t>(e)] = r;
-        path.push_back(e);
-      }
+      take_path(*found);
     }
     return true;
   }
@@ -295,6 +363,7 @@ class Router {
   std::vector<int> fights_;                // per route
   std::uint32_t epoch_ = 0, route_epoch_ = 0;
   std::int32_t r_ = -1, hint_ = -1;
+  std::vector<double> arcs_;               // of the route at hand: length up to each of its points
   std::vector<std::int32_t> evicted_;
   std::vector<std::pair<std::int32_t, std::vector<std::int32_t>>> undo_;  // who was moved aside, and the paths they had
   std::vector<VertexId> held_;             // by the attempt under way

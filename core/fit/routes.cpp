@@ -1,7 +1,9 @@
 #include "core/fit/routes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <numeric>
 #include <tuple>
@@ -15,6 +17,11 @@ constexpr double kShortestLoner = 3.0;    // a crease that ends in the open at b
 constexpr double kShortestLoop = 4.0;     // a closed crease
 constexpr double kCornerDistance = 0.15;  // corners closer than this along a curve are one: anything longer still makes a sound, flat quad
 constexpr double kNarrowest = 0.15;  // width of a strip between two creases
+constexpr double kShadowed = 0.8;    // of a crease's length, that runs beside a longer one: the mesh cannot show both
+constexpr int kShadowSamples = 8;
+constexpr double kFacing = 2;        // widths of a strip: its two sides are no farther apart
+constexpr double kFlat = 0.05;       // width of a strip that may be a step far lower than a cell
+constexpr double kLeastTurn = std::numbers::pi / 8;  // of the surface across a strip whose one side was left out: less is no crease
 constexpr double kSmallestChart = 0.7;  // area of a chart, in cells' faces
 constexpr double kDissolveTurn = std::numbers::pi / 4;  // a corner with two curves left that turn by less is none any more
 constexpr int kSizeSamples = 5;  // of the mesh size along a curve
@@ -23,7 +30,7 @@ struct Link {  // a curve of the graph of curves and corners
   bool alive = true;
   bool border = false;
   double size = 0;
-  double sharpness = 0;
+  double turn = 0;  // of the surface across it, convex or concave by sign; with that of the side of a strip that was left out in its favour
 };
 
 struct Step {
@@ -36,7 +43,9 @@ struct Chain {
   CornerId first, last;  // invalid: closed with no corner
   bool closed = false;
   bool border = false;
-  double length = 0, size = 0, sharpness = 0;
+  double length = 0, size = 0, turn = 0;
+  Box box;
+  [[nodiscard]] double sharpness() const { return std::abs(turn); }
 };
 
 class Pruner {
@@ -45,6 +54,7 @@ class Pruner {
       : surface_(ground.surface()),
         features_(ground.features()),
         links_(features_.curves.size()),
+        contracted_(features_.curves.size(), std::uint8_t{0}),
         united_(features_.corners.size()),
         altered_(features_.corners.size(), std::uint8_t{0}),
         ends_(features_.corners.size()),
@@ -56,7 +66,7 @@ class Pruner {
       link.alive = let_go.empty() || let_go[c] == 0;
       const auto patch = [&](ChartId chart) { return chart.valid() ? features_.patch_of_chart[chart] : PatchId(); };
       link.border = !curve.manifold || patch(curve.left) != patch(curve.right);
-      link.sharpness = std::max(std::abs(std::numbers::pi - curve.dihedral_mean), 0.0);
+      link.turn = std::numbers::pi - curve.dihedral_mean;
       const auto n = curve.points.size();
       for (int i = 0; i < kSizeSamples; ++i)
         link.size +=
@@ -80,7 +90,7 @@ class Pruner {
     // Cheap rules first: what they leave out changes what the later ones see.
     do {
       make_chains();
-    } while (drop_tails() || unite_corners() || open_narrow_charts());
+    } while (drop_tails() || unite_corners() || drop_shadows() || open_narrow_charts());
     return plan();
   }
 
@@ -149,11 +159,12 @@ class Pruner {
         const double length = features_.curves[step.curve].length;
         chain.length += length;
         chain.size += length * link.size;
-        chain.sharpness += length * link.sharpness;
+        chain.turn += length * link.turn;
         chain.border = link.border;
+        for (PointId p : features_.curves[step.curve].points) chain.box.add(surface_.points[p]);
       }
       chain.size /= chain.length;
-      chain.sharpness /= chain.length;
+      chain.turn /= chain.length;
       chains_.push_back(std::move(chain));
     };
     for (CornerId c : ends_.ids())
@@ -213,10 +224,104 @@ class Pruner {
       busy[kept] = busy[gone] = 1;
       united_[gone] = kept;
       altered_[kept] = 1;
-      for (const Step& s : chain->steps) links_[s.curve].alive = false;
+      for (const Step& s : chain->steps) {
+        links_[s.curve].alive = false;
+        contracted_[s.curve] = 1;
+      }
       any = true;
     }
     return any;
+  }
+
+  [[nodiscard]] Vec3 middle_of(const Chain& chain) const {
+    const std::vector<PointId>& points = features_.curves[chain.steps[chain.steps.size() / 2].curve].points;
+    const std::size_t half = points.size() / 2;
+    return 0.5 * (surface_.points[points[half]] + surface_.points[points[half > 0 ? half - 1 : 0]]);
+  }
+  // Whether the place is within `reach` of the chain.
+  [[nodiscard]] bool is_near(const Chain& chain, const Vec3& p, double reach) const {
+    if ((p - p.cwiseMax(chain.box.min).cwiseMin(chain.box.max)).norm() > reach) return false;
+    return std::any_of(chain.steps.begin(), chain.steps.end(), [&](const Step& s) {
+      const Curve& curve = features_.curves[s.curve];
+      for (std::size_t i = 0; i + (curve.closed ? 0 : 1) < curve.points.size(); ++i) {
+        const Vec3 &a = surface_.points[curve.points[i]], d = surface_.points[curve.points[(i + 1) % curve.points.size()]] - a;
+        const double t = d.squaredNorm() > 0 ? std::clamp((p - a).dot(d) / d.squaredNorm(), 0.0, 1.0) : 0;
+        if ((a + t * d - p).norm() <= reach) return true;
+      }
+      return false;
+    });
+  }
+  // Places along a chain, ends left out: they meet others.
+  [[nodiscard]] std::vector<Vec3> samples_of(const Chain& chain) const {
+    std::vector<Vec3> line;
+    for (const Step& s : chain.steps) {
+      const Curve& curve = features_.curves[s.curve];
+      const std::size_t n = curve.points.size(), count = n + (curve.closed ? 1 : 0);
+      for (std::size_t i = 0; i < count; ++i) line.push_back(surface_.points[curve.points[(s.backwards ? 2 * n - 1 - i : i) % n]]);
+    }
+    std::vector<Vec3> samples;
+    const double apart = chain.length / kShadowSamples;
+    double next = 0.5 * apart;  // along the line from its point i
+    for (std::size_t i = 0; i + 1 < line.size(); ++i) {
+      const Vec3 way = line[i + 1] - line[i];
+      const double length = way.norm();
+      for (; next <= length; next += apart) samples.emplace_back(line[i] + next / length * way);
+      next -= length;
+    }
+    return samples;
+  }
+  [[nodiscard]] std::array<ChartId, 2> charts_of(const Chain& chain) const {
+    const Curve& curve = features_.curves[chain.steps.front().curve];
+    return {root(curve.left), root(curve.right)};
+  }
+  // A crease that runs beside a longer one, far nearer than a cell, across an arm of a chart that may be wide elsewhere.
+  bool drop_shadows() {
+    IdMap<ChartId, std::vector<const Chain*>> round(chart_root_.size());
+    for (const Chain& chain : chains_) {
+      const auto [left, right] = charts_of(chain);
+      if (left.valid()) round[left].push_back(&chain);
+      if (right.valid() && right != left) round[right].push_back(&chain);
+    }
+    bool any = false;
+    for (const Chain& chain : chains_) {
+      if (chain.border) continue;
+      const double reach = kNarrowest * chain.size;
+      const std::vector<Vec3> samples = samples_of(chain);
+      const auto hides = [&](const Chain* by) {
+        const bool stronger = std::make_tuple(by->border, by->length, chain.steps.front().curve) >
+                              std::make_tuple(chain.border, chain.length, by->steps.front().curve);
+        return stronger && links_[by->steps.front().curve].alive && runs_beside(samples, *by, reach);
+      };
+      for (const ChartId chart : charts_of(chain)) {
+        if (!chart.valid()) continue;
+        const auto by = std::find_if(round[chart].begin(), round[chart].end(), hides);
+        if (by == round[chart].end()) continue;
+        drop(chain);
+        if (!(*by)->border && runs_beside(samples_of(**by), chain, kFlat * chain.size)) add_turn(**by, chain.turn);
+        any = true;
+        break;
+      }
+    }
+    return any;
+  }
+  [[nodiscard]] bool runs_beside(const std::vector<Vec3>& samples, const Chain& other, double reach) const {
+    auto misses = static_cast<int>((1 - kShadowed) * kShadowSamples);
+    return std::all_of(samples.begin(), samples.end(), [&](const Vec3& p) { return is_near(other, p, reach) || misses-- > 0; });
+  }
+
+  // One side of a strip is left out: across the other the surface turns by both. Where that is next to nothing, a step much lower than a
+  // cell, the other goes too.
+  void add_turn(const Chain& to, double turn) {
+    for (const Step& s : to.steps) links_[s.curve].turn += turn;
+    if (std::abs(to.turn + turn) < kLeastTurn) drop(to);
+  }
+  void leave_out(const Chain& gone, ChartId strip, double reach) {
+    for (const Chain& chain : chains_) {
+      const auto [left, right] = charts_of(chain);
+      if (&chain == &gone || chain.border || (left != strip && right != strip)) continue;
+      if (is_near(gone, middle_of(chain), reach)) add_turn(chain, gone.turn);
+    }
+    drop(gone);
   }
 
   // A chart too narrow or too small for a cell is joined to the neighbour across its least sharp border.
@@ -237,7 +342,7 @@ class Pruner {
         rim.size += chain.length * chain.size;
         if (chain.border) continue;
         // Long borders count: opening the short end of a strip would not widen it.
-        const auto weight = [](const Chain& x) { return x.sharpness / x.length; };
+        const auto weight = [](const Chain& x) { return x.sharpness() / x.length; };
         if (rim.weakest == nullptr || weight(chain) < weight(*rim.weakest)) rim.weakest = &chain;
       }
     }
@@ -252,7 +357,7 @@ class Pruner {
       const ChartId left = root(curve.left), right = root(curve.right);
       if (busy[left] || busy[right]) continue;
       busy[left] = busy[right] = 1;
-      drop(*rim.weakest);
+      leave_out(*rim.weakest, c, std::min(kFacing * 2 * area_[c] / rim.length, kFlat * size));
       any = true;
     }
     return any;
@@ -260,6 +365,7 @@ class Pruner {
 
   RoutePlan plan() {
     RoutePlan plan;
+    plan.contracted = contracted_;
     plan.stands_for.assign(features_.corners.size(), CornerId());
     for (const Chain& chain : chains_) {
       Route route;
@@ -295,6 +401,7 @@ class Pruner {
   const Surface& surface_;
   const Features& features_;
   IdMap<CurveId, Link> links_;
+  IdMap<CurveId, std::uint8_t> contracted_;
   IdMap<CornerId, CornerId> united_;
   IdMap<CornerId, std::uint8_t> altered_;  // others were united with it
   IdMap<CornerId, std::vector<Step>> ends_;  // of alive curves, by united corner

@@ -1,6 +1,7 @@
 // What of the features a mesh can hold: curves chained into routes, creases too small for the cells left out.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -25,6 +26,7 @@ struct Route {
 
 struct RoutePlan {
   std::vector<Route> routes;                  // important ones first: borders, then creases, long before short
+  IdMap<CurveId, std::uint8_t> contracted;    // 1: between corners that were united; the charts beside it stay two
   IdMap<CornerId, CornerId> stands_for;       // the corner that represents this one (often itself); invalid: none does
 };
 

@@ -195,6 +195,49 @@ TriangleSoup two_patches(int n) {
   return soup;
 }
 
+TriangleSoup chamfered_cylinder(double chamfer, int segments) {
+  TriangleSoup soup;
+  const std::int32_t patch = patch_named(soup, "surface");
+  const std::vector<std::array<double, 2>> profile{{1, -1}, {1, 1 - chamfer}, {1 - chamfer, 1}};  // radius, height
+  const std::int32_t bottom = add_point(soup, Vec3(0, 0, -1)), top = add_point(soup, Vec3(0, 0, 1));
+  std::vector<std::vector<std::int32_t>> ring(profile.size());
+  for (std::size_t k = 0; k < profile.size(); ++k)
+    for (int i = 0; i < segments; ++i) {
+      const double angle = 2 * std::numbers::pi * i / segments;
+      ring[k].push_back(add_point(soup, Vec3(profile[k][0] * std::cos(angle), profile[k][0] * std::sin(angle), profile[k][1])));
+    }
+  for (std::size_t i = 0; i < ring[0].size(); ++i) {
+    const std::size_t j = (i + 1) % ring[0].size();
+    add_triangle(soup, bottom, ring.front()[j], ring.front()[i], patch);
+    for (std::size_t k = 0; k + 1 < ring.size(); ++k) {
+      add_triangle(soup, ring[k][i], ring[k][j], ring[k + 1][j], patch);
+      add_triangle(soup, ring[k][i], ring[k + 1][j], ring[k + 1][i], patch);
+    }
+    add_triangle(soup, top, ring.back()[i], ring.back()[j], patch);
+  }
+  return soup;
+}
+
+TriangleSoup stepped_cube(double step) {
+  TriangleSoup soup;
+  const std::int32_t patch = patch_named(soup, "surface");
+  const std::vector<std::array<double, 2>> outline{{0, 0}, {1, 0}, {1, 1}, {0.5, 1}, {0.5, 1 + step}, {0, 1 + step}};  // x, z
+  std::vector<std::int32_t> near, far;
+  for (const auto& [x, z] : outline) {
+    near.push_back(add_point(soup, Vec3(x, 0, z)));
+    far.push_back(add_point(soup, Vec3(x, 1, z)));
+  }
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const std::size_t j = (i + 1) % outline.size();
+    add_triangle(soup, near[i], far[j], near[j], patch);
+    add_triangle(soup, near[i], far[i], far[j], patch);
+    if (i == 0 || j == 0) continue;
+    add_triangle(soup, near[0], near[i], near[j], patch);
+    add_triangle(soup, far[0], far[j], far[i], patch);
+  }
+  return soup;
+}
+
 TriangleSoup sharp_wedge(double angle, int n) {
   const Vec3 o = Vec3::Zero(), x(1, 0, 0), y(0, 1, 0), leg(std::cos(angle), 0, std::sin(angle));
   TriangleSoup soup;

@@ -17,6 +17,10 @@ TriangleSoup sphere(int subdivisions = 3);
 // Around the z axis from z = 0 to `height`, radius 1, `segments` around. Patches "side", "cap_bottom", "cap_top".
 TriangleSoup cylinder(int segments = 32, double height = 2, int rings = 4);
 // Base disc radius 1 at z = 0, apex at z = height. Patches "side", "base".
+// The same with its upper edge cut off at 45 degrees; one patch.
+TriangleSoup chamfered_cylinder(double chamfer, int segments = 48);
+// A unit cube whose one upper half stands higher by `step`; one patch.
+TriangleSoup stepped_cube(double step);
 TriangleSoup cone(int segments = 32, double height = 2, int rings = 4);
 // [0,2]x[0,2]x[0,1] less (1,2]x(1,2]x[0,1], n squares a unit length. Patches "x_min", "y_min", "x_max", "y_max", "notch_x" (the re-entrant
 // face x = 1), "notch_y", "z_min", "z_max".

@@ -157,5 +157,26 @@ TEST(MatchFeatures, ACreaseSmallerThanACellIsLeftOutAndReportedInOneDiagnosticWi
   EXPECT_EQ(reports, 1);
 }
 
+TEST(MatchFeatures, BothEdgesOfAChamferAboutACellWideAreHeldAllTheWayRound) {
+  for (const double chamfer : {0.14, 0.2, 0.3}) {  // cells of 0.2
+    const Matched m = matched(test::rotated(test::chamfered_cylinder(chamfer), Vec3(1, 2, 3).normalized(), 0.5), 10);
+    EXPECT_TRUE(m.result.softened.empty()) << "chamfer of " << chamfer;
+    EXPECT_EQ(curves_held(m), 3u) << "chamfer of " << chamfer;
+  }
+}
+
+TEST(MatchFeatures, AStepFarLowerThanACellIsNoCreaseAndTheFacesRoundItStayApart) {
+  const Matched m = matched(test::rotated(test::stepped_cube(0.002), Vec3(3, 2, 1).normalized(), 0.4), 10);
+  EXPECT_EQ(m.result.softened.size(), 4u) << "two edges of the step, two across it";
+  EXPECT_EQ(corners_held(m), 8u);
+  std::set<ChartId> shown(m.result.mesh.chart.begin(), m.result.mesh.chart.end());
+  EXPECT_EQ(shown.size(), 6u) << "the cube's faces";
+}
+
+TEST(MatchFeatures, OneEdgeOfAStepStaysWhereItIsNotSoLow) {
+  const Matched m = matched(test::stepped_cube(0.01), 10);
+  EXPECT_EQ(m.result.softened.size(), 3u) << "one edge of the step, two across it";
+}
+
 }  // namespace
 }  // namespace strata
