@@ -74,7 +74,9 @@ FeatureFit fit_features(const HexMesh& smooth, const Ground& ground, Context& co
       if (give_way(creases_near(fit.result.mesh, bad_hexes(fit.result.mesh), features, let_go), let_go)) continue;
       std::swap(fit.result.mesh.attachment, held);
     }
-    return worth > best_worth + kGain ? std::move(fit) : std::move(best);
+    if (worth > best_worth + kGain) best = std::move(fit);
+    best.rounds = round + 1;
+    return best;
   }
 }
 

@@ -13,6 +13,7 @@
 #include "core/dual/dual.h"
 #include "core/estimate.h"
 #include "core/features/features.h"
+#include "core/finer_places.h"
 #include "core/fit/fit.h"
 #include "core/fit/part_contacts.h"
 #include "core/fit/retreat.h"
@@ -35,6 +36,8 @@ namespace {
 // fewer are an adjustment only.
 constexpr double kRelaxedShare = 1e-3;
 constexpr int kFacesOfHex = 6;
+constexpr int kFinerAttempts = 2;  // with finer cells where the mesh fell short
+constexpr int kMostRounds = 3;     // of the fit, to try again: more means that creases are noise, or cells too large everywhere
 constexpr int kFinerTries = 3;  // cells are halved so often, where the volume is thinner than they are
 
 [[noreturn]] void refuse(Diagnostic diagnostic) { throw MeshError(Failure::InvalidInput, std::move(diagnostic)); }
@@ -128,6 +131,7 @@ std::optional<Surface> without_strangers(const Surface& surface, const IdMap<Tri
 struct Fitted {
   HexMesh mesh;
   std::unique_ptr<const MergedGround> merged;
+  Shortfall shortfall;
 };
 
 // What the stages from the fit on share.
@@ -166,14 +170,15 @@ constexpr Promises kUnfitted{.labelled = false, .positive = false};
 }
 
 // Features are fitted; what had to be given up costs a rung.
-Fitted fit_features_or_throw(const HexMesh& smooth, const Ground& ground, Rung& rung, Context& context) {
+Fitted fit_features_or_throw(const HexMesh& smooth, const Ground& ground, Rung& rung, Shortfall& shortfall, Context& context) {
   FeatureFit fit = fit_features(smooth, ground, context);
+  shortfall = {fit.softened, std::move(fit.result.places), fit.rounds};
   report_softened(fit.softened, ground, context);
   if (!fit.softened.empty() || fit.result.let_go) fall_to(rung, Rung::FeaturesSoftened);
   if (fit.result.let_go) context.adjusted(std::move(*fit.result.let_go));
   if (fit.result.bad > 0) give_up(fit.result.mesh, fit.result.bad);
   report_relaxed(fit.result, rung, context);
-  return {std::move(fit.result.mesh), std::move(fit.merged)};
+  return {std::move(fit.result.mesh), std::move(fit.merged), {}};
 }
 
 // Whoever reads a mesh whose skin touches itself takes the place for a crack.
@@ -211,6 +216,7 @@ HexMesh smooth_without_features(const HexMesh& wrapped, HexMesh smooth, const Di
 Fitted fit_or_fall(HexMesh carved, const Run& run) {
   HexMesh mesh, wrapped, smooth;
   Fitted fitted;
+  Shortfall shortfall;
   run.context.begin(Stage::WrapSurface);
   auto failure = failure_of([&] {
     wrapped = wrap_surface(carved, run.context);
@@ -222,15 +228,18 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
       smooth = fit_to_smooth(wrapped, run.ground, run.context).mesh;
       require(smooth, kUnfitted);
       tell_quality(Stage::FitToSmooth, smooth, run);
-      fitted = fit_features_or_throw(smooth, run.ground, run.rung, run.context);
+      fitted = fit_features_or_throw(smooth, run.ground, run.rung, shortfall, run.context);
       require(fitted.mesh);
       fitted.mesh = take_off_itself(std::move(fitted.mesh), run.context);
       require_in_input(fitted.mesh, run.surface.frame);
       tell_quality(Stage::FitToFeatures, fitted.mesh, run);
     });
-    if (!failure) return fitted;
+    if (!failure) {
+      fitted.shortfall = std::move(shortfall);
+      return fitted;
+    }
     if (!smooth.hexes.empty() && !failure_of([&] { mesh = smooth_without_features(wrapped, std::move(smooth), *failure, run); }))
-      return {std::move(mesh), nullptr};
+      return {std::move(mesh), nullptr, std::move(shortfall)};
     fall_to(run.rung, Rung::Staircase);
     report_fall(*failure, Reason::SurfaceFitRelaxed, "the mesh could not be fitted to the surface and keeps the staircase of its cells",
                 run.context);
@@ -238,12 +247,99 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
       mesh = make_staircase(std::move(wrapped), run.ground, run.context);
       require(mesh);
     });
-    if (!failure) return {std::move(mesh), nullptr};
+    if (!failure) return {std::move(mesh), nullptr, {}};
   }
   fall_to(run.rung, Rung::CarvedDual);
   report_fall(*failure, Reason::SurfaceFitRelaxed, "no buffer layer could be laid round the cells inside the surface: they are left bare",
               run.context);
-  return {label_by_nearest(std::move(carved), run.ground), nullptr};
+  return {label_by_nearest(std::move(carved), run.ground), nullptr, {}};
+}
+
+// What every attempt at a fitted mesh starts from.
+struct Asked {
+  const Surface& surface;
+  const Features& features;
+  const MeshSpec& spec;
+  const Observer& observer;
+  std::int64_t triangles;
+  Context& context;
+};
+struct Attempt {
+  std::unique_ptr<const Surface> part;  // null: the whole surface
+  std::unique_ptr<const Features> part_features;
+  std::unique_ptr<const Ground> ground;
+  Fitted fitted;
+  Rung rung = Rung::Full;
+  Merit merit;
+  std::vector<Diagnostic> adjustments;
+  [[nodiscard]] const Surface& skin(const Surface& whole) const { return part ? *part : whole; }
+};
+
+// From sizes to a mesh that follows the surface.
+Attempt attempt(const Asked& asked, const SizeField& sizes) {
+  Context& context = asked.context;
+  Attempt result;
+  context.hold_adjustments();
+  Carved carved = carve_cells(asked.surface, sizes, asked.spec, asked.observer, asked.triangles, context);
+  if (std::optional<Surface> part = without_strangers(asked.surface, carved.bounds, context)) {
+    result.part = std::make_unique<const Surface>(std::move(*part));
+    result.part_features = std::make_unique<const Features>(detect_features(*result.part, feature_options(asked.spec), context));
+  }
+  const Surface& skin = result.skin(asked.surface);
+  result.ground = std::make_unique<const Ground>(skin, result.part ? *result.part_features : asked.features);
+  result.fitted = fit_or_fall(std::move(carved.mesh), {skin, *result.ground, asked.observer, context, result.rung});
+  result.adjustments = context.take_held_adjustments();
+  return result;
+}
+
+bool is_better(const Attempt& a, const Attempt& b) {
+  if ((a.rung > Rung::FeaturesSoftened) != (b.rung > Rung::FeaturesSoftened)) return a.rung < b.rung;
+  return is_better(a.merit, b.merit);
+}
+
+// Asks for finer cells where the attempt fell short. False: it did not, or they would be too many.
+bool refine(SizeField& sizes, const Attempt& attempt, const IdMap<CurveId, std::uint8_t>& counts) {
+  if (attempt.rung > Rung::FitRelaxed || (attempt.rung < Rung::FitRelaxed && attempt.merit.will_do())) return false;
+  if (attempt.fitted.shortfall.rounds > kMostRounds) return false;
+  FinerPlaces finer = finer_places(attempt.fitted.mesh, attempt.fitted.shortfall, *attempt.ground, counts);
+  if (finer.empty()) return false;
+  sizes.segments.insert(sizes.segments.end(), finer.segments.begin(), finer.segments.end());
+  sizes.sources.insert(sizes.sources.end(), finer.balls.begin(), finer.balls.end());
+  return true;
+}
+
+void report_refined(const SizeField& sizes, const SizeField& finer, const Surface& surface, Attempt& attempt) {
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::SizeRefined;
+  diagnostic.severity = Severity::Warning;
+  for (std::size_t i = sizes.sources.size(); i < finer.sources.size(); ++i) diagnostic.box.add(surface.frame.to_input(finer.sources[i].a));
+  for (std::size_t i = sizes.segments.size(); i < finer.segments.size(); ++i)
+    diagnostic.box.add(surface.frame.to_input(finer.segments[i].from));
+  const auto places =
+      static_cast<std::int64_t>(finer.sources.size() - sizes.sources.size() + finer.segments.size() - sizes.segments.size());
+  diagnostic.count = places;
+  diagnostic.values = {{"places", static_cast<double>(places)}};
+  diagnostic.message = "cells are smaller than asked for at " + std::to_string(places) +
+                       " places, where larger ones could not follow the features or would be poor";
+  attempt.adjustments.push_back(std::move(diagnostic));
+}
+
+// The mesh at the sizes asked for or, where that falls short, with finer cells there.
+Attempt best_attempt(const Asked& asked, const SizeField& sizes) {
+  Attempt best = attempt(asked, sizes);
+  const IdMap<CurveId, std::uint8_t> counts = curves_that_count(best.fitted.mesh, *best.ground);
+  const auto judge = [&](Attempt& a) { a.merit = merit_of(a.fitted.mesh, a.fitted.shortfall, *a.ground, counts); };
+  judge(best);
+  SizeField finer = sizes;
+  for (int again = 0; again < kFinerAttempts && refine(finer, best, counts); ++again) {
+    Attempt next = attempt(asked, finer);
+    if (next.ground->features().curves.size() != counts.size()) break;  // not of the same volume
+    judge(next);
+    if (!is_better(next, best)) break;
+    report_refined(sizes, finer, asked.surface, next);
+    best = std::move(next);
+  }
+  return best;
 }
 
 Rung rung_of(LayersRung rung) {
@@ -327,18 +423,16 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, cons
   context.begin(Stage::MakeSizeField);
   const SizeField sizes = make_size_field(surface, features, size_options(spec, surface, features), context);
 
-  Carved carved = carve_cells(surface, sizes, spec, observer, triangles, context);
+  const Asked asked{surface, features, spec, observer, triangles, context};
+  Attempt best = best_attempt(asked, sizes);
+  for (Diagnostic& adjustment : best.adjustments) context.adjusted(std::move(adjustment));
+  outcome.rung = best.rung;
+  HexMesh mesh = std::move(best.fitted.mesh);
 
-  const std::optional<Surface> part = without_strangers(surface, carved.bounds, context);
-  const std::optional<Features> part_features = part ? std::optional(detect_features(*part, feature_options(spec), context)) : std::nullopt;
-  const Surface& skin = part ? *part : surface;
-  const Ground ground(skin, part_features ? *part_features : features);
-  const Run run{skin, ground, observer, context, outcome.rung};
-  Fitted fitted = fit_or_fall(std::move(carved.mesh), run);
-  HexMesh mesh = std::move(fitted.mesh);
-
+  const Run run{best.skin(surface), *best.ground, observer, context, outcome.rung};
   std::vector<PatchLayers> grown;
-  if (!spec.layers.empty()) mesh = grow_or_drop(std::move(mesh), fitted.merged ? fitted.merged->ground : ground, spec.layers, grown, run);
+  if (!spec.layers.empty())
+    mesh = grow_or_drop(std::move(mesh), best.fitted.merged ? best.fitted.merged->ground : *best.ground, spec.layers, grown, run);
 
   to_input_frame(mesh, surface.frame);
   context.begin(Stage::MeasureQuality);

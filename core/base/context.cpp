@@ -62,8 +62,17 @@ void Context::checkpoint() const {
 
 void Context::adjusted(Diagnostic diagnostic) {
   if (diagnostic.severity == Severity::Error) diagnostic.severity = Severity::Warning;  // the run goes on
+  if (holding_) {
+    held_.push_back(std::move(diagnostic));
+    return;
+  }
   if (on_adjustment_) on_adjustment_(diagnostic);
   adjustments_.push_back(std::move(diagnostic));
+}
+
+std::vector<Diagnostic> Context::take_held_adjustments() {
+  holding_ = false;
+  return std::exchange(held_, {});
 }
 
 }  // namespace strata

@@ -48,6 +48,11 @@ class Context {
   // Records that the mesh will differ from the wish. From the pipeline's thread only.
   void adjusted(Diagnostic diagnostic);
 
+  // From here on adjustments are kept back, not told: they belong to an attempt that may come to nothing.
+  void hold_adjustments() { holding_ = true; }
+  // Those kept back, which are forgotten here; later ones are told again.
+  std::vector<Diagnostic> take_held_adjustments();
+
   [[nodiscard]] const std::vector<Diagnostic>& adjustments() const { return adjustments_; }
   [[nodiscard]] const std::vector<StageRecord>& stages() const { return stages_; }
 
@@ -59,7 +64,8 @@ class Context {
   bool open_ = false;
   std::chrono::steady_clock::time_point started_;
   double cpu_started_ = 0;
-  std::vector<Diagnostic> adjustments_;
+  std::vector<Diagnostic> adjustments_, held_;
+  bool holding_ = false;
   std::vector<StageRecord> stages_;
 };
 

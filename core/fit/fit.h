@@ -20,6 +20,7 @@ struct FitResult {
   std::int64_t far = 0;           // those farther than a quarter of the local edge
   std::int64_t held = 0;          // boundary vertices in all
   std::optional<Diagnostic> let_go{};  // where features were let go, for the user
+  std::vector<Vec3> places{};      // centres of the hexes that had to be freed
   std::int64_t bad = 0;           // hexes whose scaled Jacobian, corners and centre, is not above kLeastJacobian
 };
 

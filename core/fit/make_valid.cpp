@@ -281,6 +281,11 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
   diagnostic.severity = Severity::Warning;
   diagnostic.box = box_of(mesh, bad, ground.surface().frame);
   diagnostic.values = {{"hexes", static_cast<double>(bad.size())}};
+  for (HexId h : bad) {
+    Vec3 sum = Vec3::Zero();
+    for (VertexId v : mesh.hexes[h]) sum += mesh.position[v];
+    result.places.emplace_back(sum / 8);
+  }
   std::int64_t features = 0;
   for (int round = 0; round < kRounds; ++round) {
     const std::vector<HexId> parted = part_coincident(mesh);

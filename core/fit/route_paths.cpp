@@ -159,7 +159,7 @@ class Router {
     std::vector<std::int32_t> path;
   };
 
-  // The dearest-but-cheaper-than-`limit` way once round a closed curve, from a vertex to itself.
+  // The cheapest way once round a closed curve, from a vertex to itself; empty when it would cost `limit` or more.
   Round shortest_round(VertexId start, const std::array<Port, 2>& ports, const Way& way, double limit) {
     ++epoch_;
     const double length = route().length, origin_arc = located(start).arc;
@@ -208,8 +208,11 @@ class Router {
   // A closed path: through its corner's vertex, or through the start it is cheapest from.
   [[nodiscard]] std::vector<std::int32_t> closed_path(const Way& way) {
     const auto& ports = m_.ports[static_cast<std::size_t>(r_)];
-    if (route().first.valid()) return ports[0].vertex.valid() ? shortest_round(ports[0].vertex, ports, way, std::numeric_limits<double>::infinity()).path : std::vector<std::int32_t>();
     Round best;
+    if (route().first.valid()) {
+      if (ports[0].vertex.valid()) best = shortest_round(ports[0].vertex, ports, way, best.cost);
+      return best.path;
+    }
     for (int i = 0; i < kStartPlaces && best.path.empty(); ++i)
       for (VertexId v : starts_near(along(i * route().length / kStartPlaces), way)) {
         Round found = shortest_round(v, {}, way, best.cost);

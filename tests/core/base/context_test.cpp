@@ -87,5 +87,19 @@ TEST(Names, OfReasonsAndStagesAreDistinctAndWellFormed) {
   EXPECT_EQ(stages.size(), static_cast<std::size_t>(kStageCount));
 }
 
+TEST(Context, AdjustmentsOfAnAttemptAreKeptBackUntilTheyAreTaken) {
+  int told = 0;
+  Context context(nullptr, {}, [&](const Diagnostic&) { ++told; });
+  context.hold_adjustments();
+  context.adjusted({});
+  EXPECT_EQ(told, 0);
+  EXPECT_TRUE(context.adjustments().empty());
+  EXPECT_EQ(context.take_held_adjustments().size(), 1U);
+  EXPECT_TRUE(context.take_held_adjustments().empty());
+  context.adjusted({});
+  EXPECT_EQ(told, 1);
+  EXPECT_EQ(context.adjustments().size(), 1U);
+}
+
 }  // namespace
 }  // namespace strata

@@ -1,0 +1,140 @@
+#include "core/finer_places.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <tuple>
+
+#include "core/base/parallel.h"
+#include "core/fit/fit.h"
+#include "core/fit/point_tree.h"
+#include "core/fit/skin.h"
+#include "core/quality/quality.h"
+
+namespace strata {
+namespace {
+
+constexpr double kFiner = 0.5;       // of the local edge
+constexpr double kPoor = 0.2;        // scaled Jacobian
+constexpr double kEnough = 0.4;      // scaled Jacobian: more is not worth counting
+constexpr double kGain = 0.02;       // of it, that counts
+constexpr double kLostAtMost = 0.01; // of the length of the curves that count: less is as good as none
+constexpr double kShort = 2;         // local edges: shorter curves may go
+constexpr double kLong = 8;          // local edges: a curve between two charts so long is no noise
+constexpr double kFaint = std::numbers::pi / 3;
+constexpr double kApart = 0.35;      // local edges: of curves nearer to each other one would still be lost
+constexpr double kBall = 1.5;        // local edges
+constexpr double kMoreQuads = 0.35;  // of the mesh's, at most
+constexpr double kQuadsPerEdge = 9;  // more, for each edge of a refined curve: three quads beside it become twelve
+constexpr double kQuadsPerBall = 27;
+
+double turn_of(const Curve& curve) { return std::abs(std::numbers::pi - curve.dihedral_mean); }
+
+// Whether cells half as large could tell the curve from the others.
+bool stands_apart(CurveId c, const Ground& ground, double least) {
+  const auto& curves = ground.features().curves;
+  const std::vector<PointId>& points = curves[c].points;
+  const std::size_t half = points.size() / 2;
+  const Vec3 p = 0.5 * (ground.surface().points[points[half]] + ground.surface().points[points[half - 1]]);
+  for (CurveId other : curves.ids())
+    if (other != c && (ground.project({Hold::Curve, other.value}, p).position - p).norm() < least) return false;
+  return true;
+}
+
+class LocalSize {
+ public:
+  explicit LocalSize(const HexMesh& mesh) : mesh_(mesh), skin_(mesh), tree_(mesh, skin_.vertices()) {}
+  [[nodiscard]] double at(const Vec3& p) const { return skin_.size_at(mesh_, tree_.nearest(p)); }
+
+ private:
+  const HexMesh& mesh_;
+  Skin skin_;
+  PointTree tree_;
+};
+
+std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
+  std::array<Vec3, 8> corners;
+  for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[h][c]];
+  return corners;
+}
+
+std::vector<Vec3> poor_hexes(const HexMesh& mesh) {
+  std::vector<double> worst(mesh.hexes.size());
+  parallel_for(worst.size(), [&](std::size_t i) { worst[i] = corner_scaled_jacobian(corners_of(mesh, HexId(i))); });
+  std::vector<Vec3> centres;
+  for (HexId h : mesh.hexes.ids()) {
+    if (worst[h.index()] >= kPoor) continue;
+    Vec3 sum = Vec3::Zero();
+    for (VertexId v : mesh.hexes[h]) sum += mesh.position[v];
+    centres.emplace_back(sum / 8);
+  }
+  return centres;
+}
+
+}  // namespace
+
+IdMap<CurveId, std::uint8_t> curves_that_count(const HexMesh& mesh, const Ground& ground) {
+  const LocalSize size(mesh);
+  const auto& curves = ground.features().curves;
+  IdMap<CurveId, std::uint8_t> counts(curves.size(), std::uint8_t{0});
+  for (CurveId c : curves.ids()) {
+    const double edges = curves[c].length / size.at(ground.surface().points[curves[c].points.front()]);
+    const bool is_sharp = turn_of(curves[c]) >= kFaint || (curves[c].left != curves[c].right && edges >= kLong);
+    counts[c] = is_sharp && edges >= kShort ? 1 : 0;
+  }
+  return counts;
+}
+
+bool Merit::will_do() const { return lost <= kLostAtMost && worst >= kPoor; }
+
+Merit merit_of(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts) {
+  const auto& curves = ground.features().curves;
+  const auto length = [&](CurveId c) { return counts[c] != 0 ? curves[c].length : 0; };
+  double lost = 0, whole = 0;
+  for (CurveId c : curves.ids()) whole += length(c);
+  for (CurveId c : shortfall.curves) lost += length(c);
+  return {.lost = whole > 0 ? lost / whole : 0, .worst = std::min(kEnough, worst_corner(mesh))};
+}
+
+bool is_better(const Merit& merit, const Merit& than) {
+  if (merit.lost < than.lost - kLostAtMost) return merit.worst >= std::min(than.worst, kPoor);
+  return merit.lost <= than.lost + kLostAtMost && merit.worst > than.worst + kGain;
+}
+
+FinerPlaces finer_places(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground,
+                         const IdMap<CurveId, std::uint8_t>& counts) {
+  FinerPlaces finer;
+  const LocalSize size(mesh);
+  double quads = kMoreQuads * static_cast<double>(mesh.quads.size());
+  std::vector<Vec3> places = poor_hexes(mesh);
+  places.insert(places.end(), shortfall.places.begin(), shortfall.places.end());
+  // One ball does for hexes side by side.
+  for (const Vec3& p : places) {
+    const double h = size.at(p);
+    const auto covers = [&](const SizeSource& ball) { return (ball.a - p).norm() < 0.5 * ball.radius; };
+    if (std::any_of(finer.balls.begin(), finer.balls.end(), covers)) continue;
+    if ((quads -= kQuadsPerBall) < 0) return {};
+    finer.balls.push_back({.shape = SizeSource::Shape::Sphere, .a = p, .radius = kBall * h, .size = kFiner * h});
+  }
+  const auto& curves = ground.features().curves;
+  std::vector<CurveId> order;
+  for (CurveId c : shortfall.curves)
+    if (counts[c] != 0) order.push_back(c);
+  std::sort(order.begin(), order.end(),
+            [&](CurveId a, CurveId b) { return std::make_tuple(-turn_of(curves[a]), a) < std::make_tuple(-turn_of(curves[b]), b); });
+  for (CurveId c : order) {
+    const Curve& curve = curves[c];
+    const auto& points = ground.surface().points;
+    double h = std::numeric_limits<double>::infinity();
+    for (PointId p : curve.points) h = std::min(h, size.at(points[p]));
+    if (!stands_apart(c, ground, kApart * h) || kQuadsPerEdge * curve.length / h > quads) continue;
+    quads -= kQuadsPerEdge * curve.length / h;
+    for (std::size_t i = 0; i + (curve.closed ? 0 : 1) < curve.points.size(); ++i)
+      finer.segments.push_back({points[curve.points[i]], points[curve.points[(i + 1) % curve.points.size()]], kFiner * h});
+  }
+  return finer;
+}
+
+}  // namespace strata
