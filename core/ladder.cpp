@@ -19,12 +19,6 @@ namespace {
 constexpr double kFlat = 0.02;  // scaled Jacobian of hexes that the wrap leaves too flat
 constexpr int kSweeps = 30;     // to free them
 
-std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
-  std::array<Vec3, 8> corners;
-  for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[h][c]];
-  return corners;
-}
-
 Diagnostic unforeseen(const char* what) {
   Diagnostic diagnostic;
   diagnostic.reason = Reason::InvariantViolated;

@@ -32,14 +32,6 @@ constexpr double kTouching = 1e-8;   // working frame: two boundary vertices so 
 constexpr double kParting = 0.3;     // of the way to the neighbours' centre, to part two vertices that coincide
 constexpr double kFar = 0.25;        // of the local edge
 
-// 1 for every vertex of the hexes.
-IdMap<VertexId, std::uint8_t> vertices_of(const HexMesh& mesh, const std::vector<HexId>& hexes) {
-  IdMap<VertexId, std::uint8_t> marked(mesh.position.size(), 0);
-  for (HexId h : hexes)
-    for (VertexId v : mesh.hexes[h]) marked[v] = 1;
-  return marked;
-}
-
 // Marks `rings` more rings of hexes.
 IdMap<VertexId, std::uint8_t> widened(const HexMesh& mesh, IdMap<VertexId, std::uint8_t> marked, int rings) {
   for (int ring = 0; ring < rings; ++ring) {
@@ -170,8 +162,7 @@ void approach(HexMesh& mesh, const std::vector<VertexId>& vertices, const Ground
   const auto poorest = [&](VertexId v) {
     double worst = 1;
     for (HexId h : star.of(v)) {
-      std::array<Vec3, 8> corners;
-      for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[h][c]];
+      const std::array<Vec3, 8> corners = corners_of(mesh, h);
       worst = std::min({worst, corner_scaled_jacobian(corners), scaled_jacobian(corners)});
     }
     return worst;
@@ -221,21 +212,6 @@ std::int64_t free_round(HexMesh& mesh, const std::vector<HexId>& hexes, int ring
   return features;
 }
 
-// Ascending.
-template <class Wanted>
-std::vector<HexId> hexes_where(const HexMesh& mesh, const Wanted& wanted) {
-  std::vector<std::uint8_t> is_wanted(mesh.hexes.size(), 0);
-  parallel_for(is_wanted.size(), [&](std::size_t i) {
-    std::array<Vec3, 8> corners;
-    for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
-    is_wanted[i] = wanted(corners) ? 1 : 0;
-  });
-  std::vector<HexId> result;
-  for (std::size_t i = 0; i < is_wanted.size(); ++i)
-    if (is_wanted[i] != 0) result.emplace_back(i);
-  return result;
-}
-
 std::vector<HexId> poorest_hexes(const HexMesh& mesh) {
   return hexes_where(mesh, [](const std::array<Vec3, 8>& corners) { return corner_scaled_jacobian(corners) < kPoorest; });
 }
@@ -260,12 +236,7 @@ void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Contex
 
 double worst_corner(const HexMesh& mesh) {
   return parallel_reduce(
-      mesh.hexes.size(), 1.0,
-      [&](std::size_t i) {
-        std::array<Vec3, 8> corners;
-        for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[HexId(i)][c]];
-        return corner_scaled_jacobian(corners);
-      },
+      mesh.hexes.size(), 1.0, [&](std::size_t i) { return corner_scaled_jacobian(corners_of(mesh, HexId(i))); },
       [](double a, double b) { return std::min(a, b); });
 }
 

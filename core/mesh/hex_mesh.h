@@ -43,4 +43,10 @@ struct HexMesh {
   IdMap<QuadId, ChartId> chart;            // sized like quads: piece of the patch it is fitted to; invalid before labelling
 };
 
+inline std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
+  std::array<Vec3, 8> corners;
+  for (std::size_t i = 0; i < 8; ++i) corners[i] = mesh.position[mesh.hexes[h][i]];
+  return corners;
+}
+
 }  // namespace strata

@@ -6,6 +6,13 @@
 
 namespace strata {
 
+IdMap<VertexId, std::uint8_t> vertices_of(const HexMesh& mesh, const std::vector<HexId>& hexes) {
+  IdMap<VertexId, std::uint8_t> marked(mesh.position.size(), 0);
+  for (HexId h : hexes)
+    for (VertexId v : mesh.hexes[h]) marked[v] = 1;
+  return marked;
+}
+
 MeshPart cut_part(const HexMesh& whole, const IdMap<VertexId, std::uint8_t>& marked, int rings) {
   // Few hexes of many: a pass over all of them a ring is cheaper than stars of all vertices.
   IdMap<VertexId, std::uint8_t> reached = marked;

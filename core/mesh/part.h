@@ -1,11 +1,28 @@
 // A few hexes of a mesh, to work on alone.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <vector>
 
+#include "core/base/parallel.h"
 #include "core/mesh/hex_mesh.h"
 
 namespace strata {
+
+// The hexes whose corners are `wanted`, ascending.
+template <class Wanted>
+std::vector<HexId> hexes_where(const HexMesh& mesh, const Wanted& wanted) {
+  std::vector<std::uint8_t> is_wanted(mesh.hexes.size(), 0);
+  parallel_for(is_wanted.size(), [&](std::size_t h) { is_wanted[h] = wanted(corners_of(mesh, HexId(h))) ? 1 : 0; });
+  std::vector<HexId> result;
+  for (std::size_t h = 0; h < is_wanted.size(); ++h)
+    if (is_wanted[h] != 0) result.emplace_back(h);
+  return result;
+}
+
+// 1 for every vertex of the hexes.
+IdMap<VertexId, std::uint8_t> vertices_of(const HexMesh& mesh, const std::vector<HexId>& hexes);
 
 struct MeshPart {
   HexMesh mesh;  // hexes, quads and vertices in the order of the whole; vertices that other hexes share are Hold::Fixed

@@ -9,12 +9,6 @@
 namespace strata {
 namespace {
 
-std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
-  std::array<Vec3, 8> p;
-  for (std::size_t i = 0; i < 8; ++i) p[i] = mesh.position[mesh.hexes[h][i]];
-  return p;
-}
-
 // Of the trilinear hex, exact: flux of x/3 through its bilinear faces, each of them as the mean of its two ways to be cut into triangles.
 double volume_of(const std::array<Vec3, 8>& p) {
   double sum = 0;

@@ -12,12 +12,6 @@
 namespace strata::testing {
 namespace {
 
-std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
-  std::array<Vec3, 8> p;
-  for (std::size_t i = 0; i < 8; ++i) p[i] = mesh.position[mesh.hexes[h][i]];
-  return p;
-}
-
 void expect_report_is_of_the_mesh(const Outcome& outcome) {
   const HexMesh& mesh = outcome.mesh;
   const Quality& quality = outcome.quality;
