@@ -8,6 +8,7 @@
 #include "core/layers/facets.h"
 #include "core/layers/heal.h"
 #include "core/layers/inflate.h"
+#include "core/layers/open.h"
 #include "core/mesh/adjacency.h"
 #include "core/sheets/insert_sheet.h"
 
@@ -282,6 +283,8 @@ void Grower::inflate() {
   std::vector<VertexId> in_prisms;
   for (const GroupSheet& s : sheets_)
     for (const HexVertices& prism : s.growing.prisms.hexes) in_prisms.insert(in_prisms.end(), prism.begin(), prism.end());
+  mesh = heal(std::move(mesh), in_prisms, Soundness::ToBeCut, request_.ground, context_);
+  mesh = polish_poorest(std::move(mesh), in_prisms, request_.ground, context_);
   mesh = heal(std::move(mesh), in_prisms, Soundness::ToBeCut, request_.ground, context_);
   remeasure();
 }

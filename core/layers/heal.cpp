@@ -7,9 +7,11 @@
 #include <utility>
 
 #include "core/base/parallel.h"
+#include "core/layers/proportions.h"
 #include "core/mesh/adjacency.h"
 #include "core/mesh/hex.h"
 #include "core/mesh/part.h"
+#include "core/optimise/optimise.h"
 #include "core/quality/quality.h"
 #include "core/quality/validity.h"
 
@@ -17,7 +19,6 @@ namespace strata {
 namespace {
 
 constexpr std::size_t kFew = 2000;    // bad hexes: more are not a matter of neighbourhoods
-constexpr double kNoLength = 0.0016;  // of the longest axis
 constexpr int kRounds = 8;
 constexpr int kOffFeatures = 3;  // from this round on vertices may leave corners and curves,
 constexpr int kOffSurface = 5;   // and from this one charts
@@ -26,31 +27,9 @@ constexpr int kMargin = 1;       // rings of hexes round them that stay still
 constexpr int kSweeps = 20;
 constexpr double kLeastEdge = 1e-5;  // of a hex's longest
 constexpr double kParting = 0.3;  // of the way to the neighbours' middle
-constexpr double kCalm = 0.02;   // scaled Jacobian that drawing a held vertex to its ground may not cost
-
-std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
-  std::array<Vec3, 8> c;
-  for (std::size_t i = 0; i < 8; ++i) c[i] = mesh.position[mesh.hexes[h][i]];
-  return c;
-}
-
-// Ascending.
-template <class Wanted>
-std::vector<HexId> hexes_where(const HexMesh& mesh, const Wanted& wanted) {
-  std::vector<std::uint8_t> is_wanted(mesh.hexes.size(), 0);
-  parallel_for(mesh.hexes.size(), [&](std::size_t h) { is_wanted[h] = wanted(corners_of(mesh, HexId(h))) ? 1 : 0; });
-  std::vector<HexId> result;
-  for (std::size_t h = 0; h < is_wanted.size(); ++h)
-    if (is_wanted[h] != 0) result.emplace_back(h);
-  return result;
-}
-
-IdMap<VertexId, std::uint8_t> vertices_of(const HexMesh& mesh, const std::vector<HexId>& hexes) {
-  IdMap<VertexId, std::uint8_t> marked(mesh.position.size(), 0);
-  for (HexId h : hexes)
-    for (VertexId v : mesh.hexes[h]) marked[v] = 1;
-  return marked;
-}
+constexpr double kPoor = 0.1;     // scaled Jacobian: hexes under it are polished
+constexpr int kPolishRings = 4;   // of hexes round them: polishing moves two rings of vertices
+constexpr int kPolishRounds = 6;
 
 bool has_short_edge(const std::array<Vec3, 8>& c) {
   double shortest = std::numeric_limits<double>::infinity(), longest = 0;
@@ -117,63 +96,66 @@ void loosen(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near, int round)
   }
 }
 
-}  // namespace
-
-IdMap<HexId, HexTarget> proportions(const HexMesh& mesh) {
-  IdMap<HexId, HexTarget> result(mesh.hexes.size());
-  parallel_for(mesh.hexes.size(), [&](std::size_t i) {
-    const HexVertices& hex = mesh.hexes[HexId(i)];
-    std::array<double, 3> length{};
-    for (std::size_t e = 0; e < 12; ++e)
-      length[e / 4] += 0.25 * (mesh.position[hex[static_cast<std::size_t>(kHexEdges[e][0])]] -
-                               mesh.position[hex[static_cast<std::size_t>(kHexEdges[e][1])]])
-                                  .norm();
-    const double least = kNoLength * *std::max_element(length.begin(), length.end());
-    for (std::size_t axis = 0; axis < 3; ++axis) result[HexId(i)][axis] = static_cast<float>(std::max(length[axis], least));
-  });
+IdMap<VertexId, std::uint8_t> marked(const HexMesh& mesh, const std::vector<VertexId>& vertices) {
+  IdMap<VertexId, std::uint8_t> result(mesh.position.size(), 0);
+  for (VertexId v : vertices) result[v] = 1;
   return result;
 }
+
+// Some hexes with what is round them, to work on alone.
+struct Surroundings {
+  MeshPart part;
+  IdMap<VertexId, std::uint8_t> seeds, movable;  // of the part: vertices of the hexes; all that are not held fast
+};
+Surroundings surroundings_of(const HexMesh& mesh, const std::vector<HexId>& hexes, const IdMap<VertexId, std::uint8_t>& frozen, int rings) {
+  const IdMap<VertexId, std::uint8_t> of_hexes = vertices_of(mesh, hexes);
+  Surroundings result{cut_part(mesh, of_hexes, rings), {}, {}};
+  for (VertexId v : result.part.whole.ids()) {
+    const VertexId whole = result.part.whole[v];
+    result.seeds.push_back(of_hexes[whole]);
+    result.movable.push_back(frozen[whole] == 0 && result.part.mesh.attachment[v].hold != Hold::Fixed ? 1 : 0);
+  }
+  return result;
+}
+
+}  // namespace
 
 std::vector<HexId> not_positive(const HexMesh& mesh) { return unsound_hexes(mesh, Soundness::Positive); }
 
 HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, Soundness goal, const Ground& ground, Context& context) {
   std::vector<HexId> bad = unsound_hexes(mesh, goal);
   if (bad.empty() || bad.size() > kFew) return mesh;
-  IdMap<VertexId, std::uint8_t> frozen(mesh.position.size(), 0);
-  for (VertexId v : still) frozen[v] = 1;
-  if (goal == Soundness::ToBeCut) part_coincident(mesh, bad, frozen);
+  const IdMap<VertexId, std::uint8_t> frozen = marked(mesh, still);
   IdMap<VertexId, Vec3> best = mesh.position;
+  if (goal == Soundness::ToBeCut) part_coincident(mesh, bad, frozen);
   std::size_t fewest = bad.size();
   for (int round = 0; round < kRounds && !bad.empty(); ++round) {
-    const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, bad);
-    MeshPart part = cut_part(mesh, marked, kRings + round + kMargin);
-    IdMap<VertexId, std::uint8_t> movable(part.mesh.position.size()), seeds(part.mesh.position.size());
-    for (VertexId v : movable.ids()) {
-      seeds[v] = marked[part.whole[v]];
-      movable[v] = frozen[part.whole[v]] == 0 && part.mesh.attachment[v].hold != Hold::Fixed;
-    }
-    const IdMap<VertexId, Attachment> held = part.mesh.attachment;
-    if (round >= kOffFeatures) loosen(part.mesh, seeds, round);
-    for (VertexId v : movable.ids())
-      if (part.mesh.attachment[v].hold == Hold::Corner) movable[v] = 0;
-    const IdMap<HexId, HexTarget> targets = proportions(part.mesh);
-    OptimiseRequest request;
-    request.ground = &ground;
-    request.movable = &movable;
-    request.seeds = &seeds;
-    request.targets = &targets;
-    OptimiseOptions options;
-    options.sweeps = kSweeps;
-    options.rings = kRings + round;
-    options.arrival_sweeps = 0;
-    options.min_scaled_jacobian = kCalm;
-    part.mesh = optimise(std::move(part.mesh), request, options, context).mesh;
-    part.mesh.attachment = held;
-    put_back(part, mesh);
+    Surroundings near = surroundings_of(mesh, bad, frozen, kRings + round + kMargin);
+    const IdMap<VertexId, Attachment> held = near.part.mesh.attachment;
+    if (round >= kOffFeatures) loosen(near.part.mesh, near.seeds, round);
+    for (VertexId v : near.movable.ids())
+      if (near.part.mesh.attachment[v].hold == Hold::Corner) near.movable[v] = 0;
+    const IdMap<HexId, HexTarget> targets = proportions(near.part.mesh);
+    near.part.mesh =
+        optimise_near(std::move(near.part.mesh), {near.seeds, near.movable, targets, kRings + round, kSweeps}, ground, context);
+    near.part.mesh.attachment = held;
+    put_back(near.part, mesh);
     bad = unsound_hexes(mesh, goal);
     if (bad.size() < fewest) fewest = bad.size(), best = mesh.position;
   }
   mesh.position = std::move(best);
+  return mesh;
+}
+
+HexMesh polish_poorest(HexMesh mesh, const std::vector<VertexId>& still, const Ground& ground, Context& context) {
+  const std::vector<HexId> poor = hexes_where(mesh, [](const std::array<Vec3, 8>& c) { return corner_scaled_jacobian(c) < kPoor; });
+  if (poor.empty() || poor.size() > kFew) return mesh;
+  Surroundings near = surroundings_of(mesh, poor, marked(mesh, still), kPolishRings);
+  OptimiseRequest request;
+  request.ground = &ground;
+  request.movable = &near.movable;
+  near.part.mesh = polish(std::move(near.part.mesh), request, kPoor, kPolishRounds, context).mesh;
+  put_back(near.part, mesh);
   return mesh;
 }
 

@@ -5,14 +5,10 @@
 
 #include "core/mesh/hex_mesh.h"
 #include "core/optimise/ground.h"
-#include "core/optimise/optimise.h"
 
 namespace strata {
 
 class Context;
-
-// Mean edge lengths of each hex along its axes, so that optimising keeps the shapes of layers; an axis without length counts as a little.
-IdMap<HexId, HexTarget> proportions(const HexMesh& mesh);
 
 // Hexes that are not positive at a corner or in the middle.
 std::vector<HexId> not_positive(const HexMesh& mesh);
@@ -24,5 +20,9 @@ enum class Soundness {
 // Vertices round hexes that are not sound look for better places: on their ground first, then off features, at last off the surface. `still`
 // do not move. Does nothing when there are more than a few; the caller looks again. Attachments stay.
 HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, Soundness goal, const Ground& ground, Context& context);
+
+// Raises the scaled Jacobian of hexes under 0.1, when they are few. Before these are cut: what is done to a hex is done to all its layers,
+// and their heights are measured afterwards. `still` do not move; held vertices slide.
+HexMesh polish_poorest(HexMesh mesh, const std::vector<VertexId>& still, const Ground& ground, Context& context);
 
 }  // namespace strata

@@ -15,17 +15,6 @@ namespace strata {
 
 class Context;
 
-// Lifts the tops of a sheet that has no thickness yet by a small part of the local size, each as far as keeps the hexes round it positive
-// (as far as little as it takes). Returns the mesh; `flat` counts hexes that no lift made positive.
-struct Opened {
-  HexMesh mesh;
-  std::vector<VertexId> flat;   // vertices of hexes that are still not positive
-};
-Opened open_sheet(HexMesh mesh, const GrowingSheet& sheet, const Ground& ground);
-// For what open_sheet could not open: lets the tops round the flat places look for room in any direction, off their ground if need be, and
-// the volume round them with them.
-Opened untangle_opening(Opened opened, const GrowingSheet& sheet, const Ground& ground, Context& context);
-
 enum class Reach { Needed, Full };   // what a column goes for: its physical layers, or blending too
 enum class Settle {
   Around,   // the volume round the columns finds its place

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
+#include "core/quality/quality.h"
 #include "tests/core/layers/layer_scene.h"
 
 namespace strata::testing {
@@ -56,6 +58,35 @@ TEST(Heal, KeepsWhatMustStandStill) {
   const HexMesh healed = heal(mesh, still, Soundness::Positive, scene->ground, scene->context);
   EXPECT_TRUE(not_positive(healed).empty());
   for (VertexId v : still) EXPECT_EQ(healed.position[v], mesh.position[v]);
+}
+
+TEST(PolishPoorest, RaisesFewPoorHexesButMovesNothingThatStandsStill) {
+  const auto scene = cube_scene(7);
+  HexMesh mesh = scene->mesh;
+  const VertexId drawn = [&] {
+    for (VertexId v : mesh.position.ids())
+      if (mesh.attachment[v].hold == Hold::Free) return v;
+    return VertexId();
+  }();
+  const HexVertices hex = mesh.hexes[hexes_round_vertices(mesh).of(drawn)[0]];
+  Vec3 centre = Vec3::Zero();
+  for (VertexId v : hex) centre += mesh.position[v] / 8;
+  double share = 0;
+  const auto worst = [](const HexMesh& m) {
+    double least = 1;
+    for (HexId h : m.hexes.ids()) least = std::min(least, corner_scaled_jacobian(corners_of(m, h)));
+    return least;
+  };
+  // As far as leaves hexes positive, but poor.
+  const Vec3 from = mesh.position[drawn];
+  while (worst(mesh) > 0.08) mesh.position[drawn] = from + (share += 0.02) * (centre - from);
+  ASSERT_GT(worst(mesh), 0);
+  const HexMesh polished = polish_poorest(mesh, {}, scene->ground, scene->context);
+  EXPECT_GE(worst(polished), 0.1);
+  std::vector<VertexId> all;
+  for (VertexId v : mesh.position.ids()) all.push_back(v);
+  const HexMesh held = polish_poorest(mesh, all, scene->ground, scene->context);
+  EXPECT_EQ(held.position, mesh.position);
 }
 
 TEST(Heal, OpensColumnsWithoutLength) {
