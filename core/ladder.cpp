@@ -9,6 +9,7 @@
 
 #include "core/base/context.h"
 #include "core/base/parallel.h"
+#include "core/fit/part_contacts.h"
 #include "core/optimise/optimise.h"
 #include "core/quality/contacts.h"
 #include "core/quality/quality.h"
@@ -122,6 +123,21 @@ void report_folded(const HexMesh& mesh, Context& context) {
   diagnostic.message = std::to_string(folded.size()) +
                        " hexes are positive at their corners and centre but not everywhere inside; smaller cells there would help";
   context.adjusted(std::move(diagnostic));
+}
+
+HexMesh take_off_itself(HexMesh mesh, Context& context) {
+  PartedContacts parted = part_contacts(std::move(mesh));
+  if (parted.left > 0) require_no_contacts(parted.mesh);
+  if (parted.moved > 0) {
+    Diagnostic diagnostic;
+    diagnostic.reason = Reason::SurfaceFitRelaxed;
+    diagnostic.severity = Severity::Warning;
+    diagnostic.count = parted.moved;
+    diagnostic.values = {{"vertices", static_cast<double>(parted.moved)}};
+    diagnostic.message = std::to_string(parted.moved) + " boundary vertices were drawn in, because the skin touched itself there";
+    context.adjusted(std::move(diagnostic));
+  }
+  return std::move(parted.mesh);
 }
 
 }  // namespace strata
