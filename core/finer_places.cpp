@@ -54,12 +54,6 @@ class LocalSize {
   PointTree tree_;
 };
 
-std::array<Vec3, 8> corners_of(const HexMesh& mesh, HexId h) {
-  std::array<Vec3, 8> corners;
-  for (std::size_t c = 0; c < 8; ++c) corners[c] = mesh.position[mesh.hexes[h][c]];
-  return corners;
-}
-
 std::vector<Vec3> poor_hexes(const HexMesh& mesh) {
   std::vector<double> worst(mesh.hexes.size());
   parallel_for(worst.size(), [&](std::size_t i) { worst[i] = corner_scaled_jacobian(corners_of(mesh, HexId(i))); });
