@@ -21,6 +21,13 @@ constexpr double kPoor = 0.2;        // scaled Jacobian
 constexpr double kEnough = 0.4;      // scaled Jacobian: more is not worth counting
 constexpr double kGain = 0.02;       // of it, that counts
 constexpr double kLostAtMost = 0.01; // of the length of the curves that count: less is as good as none
+constexpr double kMissed = 1.5;      // local edges from the nearest vertex: of a surface that the mesh follows it is well within one
+constexpr double kMissedAtMost = 0.001;  // of the area
+constexpr double kUseful = 0.05;      // scaled Jacobian, that hexes in thin places have at least, to be worth having
+constexpr double kGlaring = 0.02;  // of the area: a mesh that misses so much is not of this surface
+constexpr double kLostForPlaces = 0.1;   // of the length of the curves that count
+constexpr double kMostSamples = 1e5; // of a triangle
+constexpr double kPlastic = 0.7548776662466927;  // 1 / the plastic number: its powers spread points evenly (Roberts 2018, R2 sequence)
 constexpr double kShort = 2;         // local edges: shorter curves may go
 constexpr double kLong = 8;          // local edges: a curve between two charts so long is no noise
 constexpr double kFaint = std::numbers::pi / 3;
@@ -81,6 +88,41 @@ IdMap<CurveId, std::uint8_t> curves_that_count(const HexMesh& mesh, const Ground
   return counts;
 }
 
+namespace {
+
+// Share of the surface's area that no vertex of the skin is near to.
+double missed_share(const HexMesh& mesh, const Surface& surface) {
+  const Skin skin(mesh);
+  const PointTree tree(mesh, skin.vertices());
+  std::vector<std::array<double, 2>> areas(surface.triangles.size());  // missed, whole
+  parallel_for(
+      areas.size(),
+      [&](std::size_t i) {
+        const auto [a, b, c] = surface.corners(TriangleId(i));
+        const double area = 0.5 * (b - a).cross(c - a).norm();
+        const double h = skin.size_at(mesh, tree.nearest((a + b + c) / 3));
+        const auto samples = static_cast<std::size_t>(std::min(kMostSamples, 1 + area / (h * h)));
+        std::size_t missed = 0;
+        for (std::size_t k = 0; k < samples; ++k) {
+          double u = std::fmod((static_cast<double>(k) + 0.5) * kPlastic, 1.0);
+          double v = std::fmod((static_cast<double>(k) + 0.5) * kPlastic * kPlastic, 1.0);
+          if (u + v > 1) u = 1 - u, v = 1 - v;
+          const Vec3 p = a + u * (b - a) + v * (c - a);
+          const VertexId near = tree.nearest(p);
+          missed += (mesh.position[near] - p).norm() > kMissed * skin.size_at(mesh, near) ? 1 : 0;
+        }
+        areas[i] = {area * static_cast<double>(missed) / static_cast<double>(samples), area};
+      },
+      64);
+  double missed = 0, whole = 0;
+  for (const auto& [m, w] : areas) missed += m, whole += w;
+  return whole > 0 ? missed / whole : 0;
+}
+
+}  // namespace
+
+bool Merit::misses_thin_places() const { return missed > kMissedAtMost; }
+
 bool Merit::will_do() const { return lost <= kLostAtMost && worst >= kPoor; }
 
 Merit merit_of(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts) {
@@ -89,10 +131,14 @@ Merit merit_of(const HexMesh& mesh, const Shortfall& shortfall, const Ground& gr
   double lost = 0, whole = 0;
   for (CurveId c : curves.ids()) whole += length(c);
   for (CurveId c : shortfall.curves) lost += length(c);
-  return {.lost = whole > 0 ? lost / whole : 0, .worst = std::min(kEnough, worst_corner(mesh))};
+  return {
+      .missed = missed_share(mesh, ground.surface()), .lost = whole > 0 ? lost / whole : 0, .worst = std::min(kEnough, worst_corner(mesh))};
 }
 
 bool is_better(const Merit& merit, const Merit& than) {
+  if (merit.missed < than.missed - kMissedAtMost)
+    return than.missed > kGlaring || (merit.worst >= std::min(than.worst, kUseful) && merit.lost < than.lost + kLostForPlaces);
+  if (merit.missed > than.missed + kMissedAtMost) return false;
   if (merit.lost < than.lost - kLostAtMost) return merit.worst >= std::min(than.worst, kPoor);
   return merit.lost <= than.lost + kLostAtMost && merit.worst > than.worst + kGain;
 }

@@ -27,9 +27,11 @@ IdMap<CurveId, std::uint8_t> curves_that_count(const HexMesh& mesh, const Ground
 
 // How far a mesh is from what was asked of it.
 struct Merit {
+  double missed = 0;  // share of the surface's area that is farther than a cell from the mesh
   double lost = 0;  // share of the length of the curves that count, which is not shown
   double worst = 0;  // scaled Jacobian, as far as it counts
-  [[nodiscard]] bool will_do() const;
+  [[nodiscard]] bool misses_thin_places() const;
+  [[nodiscard]] bool will_do() const;  // as far as finer cells might help
 };
 Merit merit_of(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts);
 // Clearly, and in nothing clearly worse.

@@ -98,6 +98,7 @@ struct Run {
   const Observer& observer;
   Context& context;
   Rung& rung;
+  bool thin_places;
 };
 
 constexpr Promises kUnfitted{.labelled = false, .positive = false};
@@ -149,7 +150,7 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
   if (!failure) {
     run.context.begin(Stage::FitToSmooth);
     failure = failure_of([&] {
-      smooth = fit_to_smooth(wrapped, run.ground, run.context).mesh;
+      smooth = fit_to_smooth(wrapped, run.ground, run.thin_places, run.context).mesh;
       require(smooth, kUnfitted);
       tell_quality(Stage::FitToSmooth, smooth, run.surface, run.observer, run.context);
       fitted = fit_features_or_throw(smooth, run.ground, run.rung, shortfall, run.context);
@@ -180,18 +181,18 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
 }
 
 // From sizes to a mesh that follows the surface.
-FittedMesh attempt(const Asked& asked, const SizeField& sizes) {
+FittedMesh attempt(const Asked& asked, const SizeField& sizes, bool thin_places) {
   Context& context = asked.context;
   FittedMesh result;
   context.hold_adjustments();
-  Carved carved = carve_cells(asked, sizes);
+  Carved carved = carve_cells(asked, sizes, thin_places);
   if (std::optional<Surface> part = without_strangers(asked.surface, carved.bounds, context)) {
     result.part = std::make_unique<const Surface>(std::move(*part));
     result.part_features = std::make_unique<const Features>(detect_features(*result.part, feature_options(asked.spec), context));
   }
   const Surface& skin = result.skin(asked.surface);
   result.ground = std::make_unique<const Ground>(skin, result.part ? *result.part_features : asked.features);
-  Fitted fitted = fit_or_fall(std::move(carved.mesh), {skin, *result.ground, asked.observer, context, result.rung});
+  Fitted fitted = fit_or_fall(std::move(carved.mesh), {skin, *result.ground, asked.observer, context, result.rung, thin_places});
   result.mesh = std::move(fitted.mesh);
   result.merged = std::move(fitted.merged);
   result.shortfall = std::move(fitted.shortfall);
@@ -205,10 +206,10 @@ bool is_coarsened(const FittedMesh& mesh) {
 }
 
 // Nothing where the finer mesh would be too large for the limits of the run.
-std::optional<FittedMesh> attempt_if_it_fits(const Asked& asked, const SizeField& sizes) {
+std::optional<FittedMesh> attempt_if_it_fits(const Asked& asked, const SizeField& sizes, bool thin_places) {
   std::optional<FittedMesh> result;
   try {
-    result = attempt(asked, sizes);
+    result = attempt(asked, sizes, thin_places);
   } catch (const MeshError& error) {
     if (error.failure() != Failure::LimitExceeded) throw;
   } catch (const std::bad_alloc&) {  // what was made before is still there
@@ -261,7 +262,7 @@ void tell_quality(Stage stage, const HexMesh& mesh, const Surface& surface, cons
   observer.on_quality(stage, quality);
 }
 
-Carved carve_cells(const Asked& asked, SizeField sizes) {
+Carved carve_cells(const Asked& asked, SizeField sizes, bool thin_places) {
   const auto& [surface, features, spec, observer, triangles, context] = asked;
   const Locator locator(surface);
   for (int halved = 0;; ++halved) {
@@ -274,7 +275,7 @@ Carved carve_cells(const Asked& asked, SizeField sizes) {
 
     context.begin(Stage::Carve);
     try {
-      Carved carved = carve(std::move(dual), surface, locator, {.volume = spec.volume}, context);
+      Carved carved = carve(std::move(dual), surface, locator, {.volume = spec.volume, .thin_places = thin_places}, context);
       require(carved.mesh, {.quads_per_hex = kFacesOfHex, .labelled = false});
       report_halved(halved, context);
       return carved;
@@ -286,19 +287,21 @@ Carved carve_cells(const Asked& asked, SizeField sizes) {
 }
 
 FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
-  FittedMesh best = attempt(asked, sizes);
+  FittedMesh best = attempt(asked, sizes, false);
   const IdMap<CurveId, std::uint8_t> counts = curves_that_count(best.mesh, *best.ground);
-  const auto judge = [&](FittedMesh& a) { a.merit = merit_of(a.mesh, a.shortfall, *a.ground, counts); };
-  judge(best);
-  SizeField finer = sizes;
-  for (int again = 0; again < kFinerAttempts && refine(finer, best, counts); ++again) {
-    std::optional<FittedMesh> next = attempt_if_it_fits(asked, finer);
-    if (!next || next->ground->features().curves.size() != counts.size()) break;  // the latter: not of the same volume
-    judge(*next);
-    if (!is_better(*next, best)) break;
-    report_refined(sizes, finer, asked.surface, *next);
+  best.merit = merit_of(best.mesh, best.shortfall, *best.ground, counts);
+  const auto improve = [&](const SizeField& finer, bool thin_places) {
+    std::optional<FittedMesh> next = attempt_if_it_fits(asked, finer, thin_places);
+    if (!next || next->ground->features().curves.size() != counts.size()) return false;  // the latter: not of the same volume
+    next->merit = merit_of(next->mesh, next->shortfall, *next->ground, counts);
+    if (!is_better(*next, best)) return false;
     best = std::move(*next);
-  }
+    return true;
+  };
+  const bool thin_places = best.merit.misses_thin_places() && improve(sizes, true);
+  SizeField finer = sizes;
+  for (int again = 0; again < kFinerAttempts && refine(finer, best, counts) && improve(finer, thin_places); ++again)
+    report_refined(sizes, finer, asked.surface, best);
   return best;
 }
 

@@ -39,10 +39,12 @@ struct FittedMesh {
   [[nodiscard]] const Ground& stands_on() const { return merged ? merged->ground : *ground; }
 };
 
-// From sizes to the hexes to keep. Where none fits into the volume, smaller cells are tried.
-Carved carve_cells(const Asked& asked, SizeField sizes);
+// From sizes to the hexes to keep, a sheet of them where solid is thinner than a cell if asked for. Where none fits into the volume, smaller
+// cells are tried.
+Carved carve_cells(const Asked& asked, SizeField sizes, bool thin_places);
 
-// The mesh at the sizes asked for or, where that falls short, with finer cells there, told as an adjustment.
+// The mesh at the sizes asked for. Where it misses thin solid, another with sheets of hexes there is tried; where it falls short otherwise,
+// others with finer cells there. The best is kept, finer cells are told.
 FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes);
 
 // Tells the quality of a mesh that is still in the working frame of the surface.

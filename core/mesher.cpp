@@ -152,7 +152,7 @@ CheckReport check_request(TriangleSoup soup, const MeshSpec& wish, Context& cont
       const SizeField sizes = make_size_field(surface, features, size_options(spec, surface, features), context);
       const std::int64_t triangles = report.estimate.triangles;
       const Observer observer{[&](const Estimate& estimate) { report.estimate = estimate; }, {}};
-      const Carved carved = carve_cells({surface, features, spec, observer, triangles, context}, sizes);
+      const Carved carved = carve_cells({surface, features, spec, observer, triangles, context}, sizes, false);
       report.estimate = count_hexes(report.estimate, carved.mesh, surface, Locator(surface), spec);
     }
   } catch (const MeshError& error) {

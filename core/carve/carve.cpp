@@ -12,6 +12,7 @@
 #include "core/base/parallel.h"
 #include "core/carve/clean_skin.h"
 #include "core/carve/colour.h"
+#include "core/carve/thin_places.h"
 #include "core/mesh/adjacency.h"
 
 namespace strata {
@@ -96,6 +97,7 @@ HexChoice choose_hexes(const Carver& carver) {
   HexChoice choice;
   choice.label.assign(count, kVoid);
   choice.fillable.assign(count, kVoid);
+  choice.thin.assign(count, 0);
   parallel_for(count, [&](std::size_t i) { carver.choose(HexId(i), choice); }, 256);
   return choice;
 }
@@ -113,10 +115,12 @@ void keep_neighbourhood(HexMesh& mesh, HexChoice& choice) {
     mesh.hexes[to] = mesh.hexes[h];
     choice.label[to] = choice.label[h];
     choice.fillable[to] = choice.fillable[h];
+    choice.thin[to] = choice.thin[h];
   }
   mesh.hexes.resize(kept);
   choice.label.resize(kept);
   choice.fillable.resize(kept);
+  choice.thin.resize(kept);
 }
 
 // Kept hexes and their vertices, order kept.
@@ -191,7 +195,9 @@ Carved carve(Dual dual, const Surface& surface, const Locator& locator, const Ca
   NodeColours colours = colour_nodes(dual, surface, locator, options.volume, context);
   context.checkpoint();
   const std::optional<Locator> walls = walls_without_interfaces(surface, colours.bounds);
-  HexChoice choice = choose_hexes({dual, locator, walls ? *walls : locator, colours, options.depth});
+  const Locator& only_walls = walls ? *walls : locator;
+  HexChoice choice = choose_hexes({dual, locator, only_walls, colours, options.depth});
+  if (options.thin_places) keep_thin_places({dual, surface, locator, only_walls, colours}, choice);
   context.checkpoint();
   HexMesh mesh = std::move(dual.mesh);
   keep_neighbourhood(mesh, choice);

@@ -19,6 +19,8 @@ struct CarveOptions {
   // A hex is kept when its centre lies inside by at least this share of the local cell size: room for the buffer layer. Interfaces
   // between two meshed regions need no room.
   double depth = 0.3;
+  // Where walls are so near to each other that less than a sheet of hexes would be left, a sheet is kept, whatever its depth.
+  bool thin_places = false;
 };
 
 struct Carved {

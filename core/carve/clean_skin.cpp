@@ -25,6 +25,7 @@ class Cleaner {
       : mesh_(mesh),
         label_(choice.label),
         fillable_(choice.fillable),
+        thin_(choice.thin),
         star_(hexes_round_vertices(mesh)),
         neighbours_(face_neighbours(mesh)),
         flips_(mesh.hexes.size(), std::uint8_t{0}),
@@ -89,12 +90,15 @@ class Cleaner {
   }
   [[nodiscard]] bool may_fill(HexId h, std::int32_t region) const { return label_[h] == kVoid && flips_[h] == 0 && fillable_[h] == region; }
 
+  [[nodiscard]] bool thin(HexId h) const { return !thin_.empty() && thin_[h] != 0; }
+
   [[nodiscard]] bool sticks_out(HexId h) const {
     std::array<int, 6> held{};
     int count = 0;
     for (int f = 0; f < 6; ++f)
       if (label_across(h, f) == label_[h]) held[static_cast<std::size_t>(count++)] = f;
     if (count > 2 || (count == 2 && held[1] == opposite_face(held[0]))) return false;
+    if (count == 2 && thin(h)) return false;
     // Held by one face or two neighbouring ones: a bump or the end of a step when a holder is well backed. Else it is the end of a
     // thin rod or plate, which would be eaten up from there.
     for (int i = 0; i < count; ++i) {
@@ -172,13 +176,40 @@ class Cleaner {
       relabel(fans.out.back()[0], region);
       return false;
     }
+    if (fans.out.size() > 1 && fill_thin(fans.out.back(), region)) return false;
     if (fans.in.size() > 1) {
+      if (bridge(hexes, fans.in, region)) return false;
       for (HexId h : fans.in.back()) drop(h);
       return false;
     }
     if (!pinched && !fill_best(hexes, region)) return drop_most_exposed(hexes, region, fans.valence);
     if (pinched) drop_most_exposed(hexes, region, kMaxValence + 1);
     return false;
+  }
+
+  bool fill_thin(const std::vector<HexId>& fan, std::int32_t region) {
+    if (!std::all_of(fan.begin(), fan.end(), [&](HexId h) { return thin(h) && may_fill(h, region); })) return false;
+    for (HexId h : fan) relabel(h, region);
+    return true;
+  }
+  // Joins two fans by the hex between them, that with most neighbours in the region.
+  bool bridge(std::span<const HexId> hexes, const std::vector<std::vector<HexId>>& fans, std::int32_t region) {
+    const auto fan_of = [&](HexId h) {
+      return std::find_if(fans.begin(), fans.end(), [&](const auto& fan) { return std::binary_search(fan.begin(), fan.end(), h); });
+    };
+    HexId best;
+    for (HexId h : hexes) {
+      if (!thin(h) || !may_fill(h, region) || (best.valid() && faces_to(h, region) <= faces_to(best, region))) continue;
+      auto first = fans.end();
+      for (const FaceNeighbour& n : neighbours_[h]) {
+        const auto fan = n.hex.valid() ? fan_of(n.hex) : fans.end();
+        if (fan == fans.end()) continue;
+        if (first == fans.end()) first = fan;
+        if (fan != first) best = h;
+      }
+    }
+    if (best.valid()) relabel(best, region);
+    return best.valid();
   }
 
   bool fill_best(std::span<const HexId> hexes, std::int32_t region) {
@@ -262,6 +293,7 @@ class Cleaner {
   const HexMesh& mesh_;
   IdMap<HexId, std::int32_t>& label_;
   const IdMap<HexId, std::int32_t>& fillable_;
+  const IdMap<HexId, std::uint8_t>& thin_;
   VertexStars<HexId> star_;
   FaceNeighbours neighbours_;
   IdMap<HexId, std::uint8_t> flips_;

@@ -11,6 +11,8 @@ namespace strata {
 struct HexChoice {
   IdMap<HexId, std::int32_t> label;     // region kept for, or kVoid
   IdMap<HexId, std::int32_t> fillable;  // region it may be kept for though too near the surface, or kVoid
+  IdMap<HexId, std::uint8_t>
+      thin{};  // 1: in or beside a place about as thin as a cell, where hexes are added sooner than dropped; may be empty
 };
 
 // After: round every vertex the hexes of a region are one face-connected fan, and so are all others. Bumps and ends of steps are gone,

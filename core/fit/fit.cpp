@@ -3,6 +3,7 @@
 #include <string>
 
 #include "core/base/context.h"
+#include "core/fit/own_side.h"
 #include "core/optimise/optimise.h"
 
 namespace strata {
@@ -25,9 +26,10 @@ OptimiseOptions feature_options() {
 
 }  // namespace
 
-FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, Context& context) {
+FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, bool thin_places, Context& context) {
   for (const QuadVertices& q : mesh.quads)
     for (VertexId v : q) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
+  if (thin_places) take_own_side(mesh, ground);
   OptimiseRequest request;
   request.ground = &ground;
   OptimiseOptions options;

@@ -1,6 +1,7 @@
 // The geometry that held vertices stay on: projection by attachment. Immutable; any thread may ask.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "core/base/ids.h"
@@ -28,6 +29,11 @@ class Ground {
   [[nodiscard]] Foothold project(const Attachment& attachment, const Vec3& p, std::int32_t hint = -1) const;
   // Closest place on the whole surface, whatever chart.
   [[nodiscard]] SurfacePoint closest(const Vec3& p, TriangleId hint = {}) const;
+
+  // First hit of the ray p + s d, 0 < s <= limit, with the whole surface.
+  [[nodiscard]] std::optional<Locator::Hit> first_hit(const Vec3& p, const Vec3& d, double limit) const {
+    return whole_.first_hit(p, d, limit);
+  }
 
   [[nodiscard]] const Surface& surface() const { return *surface_; }
   [[nodiscard]] const Features& features() const { return *features_; }

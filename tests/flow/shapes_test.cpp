@@ -59,6 +59,44 @@ TEST_P(RotatedCube, IsMeshedWithItsCornersEdgesAndSides) {
 }
 INSTANTIATE_TEST_SUITE_P(Seeds, RotatedCube, ::testing::Values(1U, 2U, 3U, 4U));
 
+// About as thin as the cells, on or off the axes.
+struct Plate {
+  TriangleSoup soup;
+  Vec3 size;
+  Mat3 turn;
+};
+Plate plate(unsigned seed, double thickness) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> any;
+  const Vec3 axis(any(random), any(random), any(random)), size(1, 0.8, thickness);
+  const double angle = seed == 0 ? 0.0 : any(random);
+  return {rotated(box(Vec3::Zero(), size, 4), axis, angle), size, Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix()};
+}
+constexpr double kPlateCell = 0.06;
+
+void expect_plate(const Plate& plate) {
+  const Outcome outcome = run(plate.soup, sized(kPlateCell));
+  expect_sound(outcome);
+  expect_volume(outcome, volume_of(plate.soup));
+  expect_patches_kept(outcome, plate.soup, kAreaTolerance);
+  for (const Vec3& p : unit_corners()) expect_corner(outcome, plate.turn * plate.size.cwiseProduct(p), diagonal_of(plate.soup));
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t j = i + 1; j < 6; ++j)
+      if (i / 2 != j / 2) expect_border(outcome, kBoxSides[i], kBoxSides[j], plate.size[static_cast<int>(3 - i / 2 - j / 2)]);
+}
+
+TEST(Flow, APlateAsThinAsACellIsMeshedWithItsCornersEdgesAndSides) { expect_plate(plate(0, kPlateCell)); }
+TEST(Flow, ATurnedThinPlateIsMeshedWithItsCornersEdgesAndSides) { expect_plate(plate(3, 1.4 * kPlateCell)); }
+
+class TurnedPlate : public ::testing::TestWithParam<unsigned> {};
+TEST_P(TurnedPlate, IsKeptWhole) {
+  const Plate thin = plate(GetParam(), 1.4 * kPlateCell);
+  const Outcome outcome = run(thin.soup, sized(kPlateCell));
+  expect_sound(outcome);
+  EXPECT_NEAR(meshed_volume(outcome), volume_of(thin.soup), 0.05 * volume_of(thin.soup));
+}
+INSTANTIATE_TEST_SUITE_P(Seeds, TurnedPlate, ::testing::Values(1U, 3U, 5U, 7U, 9U));
+
 TEST(Flow, ASphereIsMeshedWithItsVolume) {
   const TriangleSoup soup = sphere(4);
   const Outcome outcome = run(soup, sized(0.16));
