@@ -19,6 +19,7 @@ namespace {
 constexpr double kFiner = 0.5;       // of the local edge
 constexpr double kPoor = 0.2;        // scaled Jacobian
 constexpr double kEnough = 0.4;      // scaled Jacobian: more is not worth counting
+constexpr double kWorthless = 0.02;  // scaled Jacobian
 constexpr double kGain = 0.02;       // of it, that counts
 constexpr double kLostAtMost = 0.01; // of the length of the curves that count: less is as good as none
 constexpr double kMissed = 1.5;      // local edges from the nearest vertex: of a surface that the mesh follows it is well within one
@@ -139,7 +140,7 @@ bool is_better(const Merit& merit, const Merit& than) {
   if (merit.missed < than.missed - kMissedAtMost)
     return than.missed > kGlaring || (merit.worst >= std::min(than.worst, kUseful) && merit.lost < than.lost + kLostForPlaces);
   if (merit.missed > than.missed + kMissedAtMost) return false;
-  if (merit.lost < than.lost - kLostAtMost) return merit.worst >= std::min(than.worst, kPoor);
+  if (merit.lost < than.lost - kLostAtMost) return merit.worst >= std::min(than.worst - kGain, kPoor) && merit.worst >= kWorthless;
   return merit.lost <= than.lost + kLostAtMost && merit.worst > than.worst + kGain;
 }
 

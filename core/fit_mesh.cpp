@@ -180,12 +180,11 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
   return {label_by_nearest(std::move(carved), run.ground), nullptr, {}};
 }
 
-// From sizes to a mesh that follows the surface.
-FittedMesh attempt(const Asked& asked, const SizeField& sizes, bool thin_places) {
+// From carved cells to a mesh that follows the surface. What differs from the wish is kept back.
+FittedMesh attempt(const Asked& asked, Carved carved, bool thin_places) {
   Context& context = asked.context;
   FittedMesh result;
   context.hold_adjustments();
-  Carved carved = carve_cells(asked, sizes, thin_places);
   if (std::optional<Surface> part = without_strangers(asked.surface, carved.bounds, context)) {
     result.part = std::make_unique<const Surface>(std::move(*part));
     result.part_features = std::make_unique<const Features>(detect_features(*result.part, feature_options(asked.spec), context));
@@ -200,22 +199,21 @@ FittedMesh attempt(const Asked& asked, const SizeField& sizes, bool thin_places)
   return result;
 }
 
-bool is_coarsened(const FittedMesh& mesh) {
-  return std::any_of(mesh.adjustments.begin(), mesh.adjustments.end(),
-                     [](const Diagnostic& d) { return d.reason == Reason::SizeCoarsened; });
-}
-
-// Nothing where the finer mesh would be too large for the limits of the run.
-std::optional<FittedMesh> attempt_if_it_fits(const Asked& asked, const SizeField& sizes, bool thin_places) {
+// Nothing where the finer mesh would be too large for the limits of the run. What carving tells was told the first time.
+std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& sizes, bool thin_places) {
+  Context& context = asked.context;
   std::optional<FittedMesh> result;
   try {
-    result = attempt(asked, sizes, thin_places);
+    context.hold_adjustments();
+    Carved carved = carve_cells(asked, sizes, thin_places);
+    const std::vector<Diagnostic> told = context.take_held_adjustments();
+    const auto is_coarsened = [](const Diagnostic& d) { return d.reason == Reason::SizeCoarsened; };
+    if (std::none_of(told.begin(), told.end(), is_coarsened)) result = attempt(asked, std::move(carved), thin_places);
   } catch (const MeshError& error) {
     if (error.failure() != Failure::LimitExceeded) throw;
   } catch (const std::bad_alloc&) {  // what was made before is still there
   }
-  if (!result) asked.context.take_held_adjustments();
-  else if (is_coarsened(*result)) result.reset();
+  if (!result) context.take_held_adjustments();
   return result;
 }
 
@@ -287,21 +285,27 @@ Carved carve_cells(const Asked& asked, SizeField sizes, bool thin_places) {
 }
 
 FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
-  FittedMesh best = attempt(asked, sizes, false);
+  FittedMesh best = attempt(asked, carve_cells(asked, sizes, false), false);
   const IdMap<CurveId, std::uint8_t> counts = curves_that_count(best.mesh, *best.ground);
   best.merit = merit_of(best.mesh, best.shortfall, *best.ground, counts);
-  const auto improve = [&](const SizeField& finer, bool thin_places) {
-    std::optional<FittedMesh> next = attempt_if_it_fits(asked, finer, thin_places);
+  const auto improve = [&](const SizeField& at, bool with_thin_places) {
+    std::optional<FittedMesh> next = attempt_again(asked, at, with_thin_places);
     if (!next || next->ground->features().curves.size() != counts.size()) return false;  // the latter: not of the same volume
     next->merit = merit_of(next->mesh, next->shortfall, *next->ground, counts);
     if (!is_better(*next, best)) return false;
+    if (&at != &sizes) report_refined(sizes, at, asked.surface, *next);
     best = std::move(*next);
     return true;
   };
-  const bool thin_places = best.merit.misses_thin_places() && improve(sizes, true);
   SizeField finer = sizes;
-  for (int again = 0; again < kFinerAttempts && refine(finer, best, counts) && improve(finer, thin_places); ++again)
-    report_refined(sizes, finer, asked.surface, best);
+  bool asks = refine(finer, best, counts);
+  bool thin_places = best.merit.misses_thin_places() && improve(sizes, true);
+  if (thin_places) {  // finer cells alone may do better
+    if (asks && improve(finer, false)) thin_places = false;
+    else finer = sizes;
+    asks = refine(finer, best, counts);
+  }
+  for (int again = 0; asks && again < kFinerAttempts && improve(finer, thin_places); ++again) asks = refine(finer, best, counts);
   return best;
 }
 
