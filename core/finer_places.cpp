@@ -156,7 +156,8 @@ FinerPlaces finer_places(const HexMesh& mesh, const Shortfall& shortfall, const 
     const double h = size.at(p);
     const auto covers = [&](const SizeSource& ball) { return (ball.a - p).norm() < 0.5 * ball.radius; };
     if (std::any_of(finer.balls.begin(), finer.balls.end(), covers)) continue;
-    if ((quads -= kQuadsPerBall) < 0) return {};
+    quads -= kQuadsPerBall;
+    if (quads < 0) return {};
     finer.balls.push_back({.shape = SizeSource::Shape::Sphere, .a = p, .radius = kBall * h, .size = kFiner * h});
   }
   const auto& curves = ground.features().curves;

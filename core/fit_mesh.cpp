@@ -211,7 +211,8 @@ std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& siz
     if (std::none_of(told.begin(), told.end(), is_coarsened)) result = attempt(asked, std::move(carved), thin_places);
   } catch (const MeshError& error) {
     if (error.failure() != Failure::LimitExceeded) throw;
-  } catch (const std::bad_alloc&) {  // what was made before is still there
+  } catch (const std::bad_alloc&) {
+    result.reset();  // what was made before is still there
   }
   if (!result) context.take_held_adjustments();
   return result;
