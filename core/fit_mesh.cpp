@@ -28,6 +28,7 @@ namespace {
 constexpr double kRelaxedShare = 1e-3;
 constexpr int kFacesOfHex = 6;
 constexpr int kFinerAttempts = 2;  // with finer cells where the mesh fell short
+constexpr double kMostHexes = 2;   // times those of the first mesh: carved cells of one with finer places
 constexpr int kMostRounds = 3;     // of the fit, to try again: more means that creases are noise, or cells too large everywhere
 constexpr int kFinerTries = 3;  // cells are halved so often, where the volume is thinner than they are
 
@@ -199,8 +200,8 @@ FittedMesh attempt(const Asked& asked, Carved carved, bool thin_places) {
   return result;
 }
 
-// Nothing where the finer mesh would be too large for the limits of the run. What carving tells was told the first time.
-std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& sizes, bool thin_places) {
+// Nothing where the finer mesh would be too large, for the limits of the run or beside the first. What carving tells was told the first time.
+std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& sizes, bool thin_places, double most_hexes) {
   Context& context = asked.context;
   std::optional<FittedMesh> result;
   try {
@@ -208,7 +209,8 @@ std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& siz
     Carved carved = carve_cells(asked, sizes, thin_places);
     const std::vector<Diagnostic> told = context.take_held_adjustments();
     const auto is_coarsened = [](const Diagnostic& d) { return d.reason == Reason::SizeCoarsened; };
-    if (std::none_of(told.begin(), told.end(), is_coarsened)) result = attempt(asked, std::move(carved), thin_places);
+    const bool is_too_large = static_cast<double>(carved.mesh.hexes.size()) > most_hexes;
+    if (!is_too_large && std::none_of(told.begin(), told.end(), is_coarsened)) result = attempt(asked, std::move(carved), thin_places);
   } catch (const MeshError& error) {
     if (error.failure() != Failure::LimitExceeded) throw;
   } catch (const std::bad_alloc&) {
@@ -289,8 +291,9 @@ FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
   FittedMesh best = attempt(asked, carve_cells(asked, sizes, false), false);
   const IdMap<CurveId, std::uint8_t> counts = curves_that_count(best.mesh, *best.ground);
   best.merit = merit_of(best.mesh, best.shortfall, *best.ground, counts);
+  const double most_hexes = kMostHexes * static_cast<double>(best.mesh.hexes.size());
   const auto improve = [&](const SizeField& at, bool with_thin_places) {
-    std::optional<FittedMesh> next = attempt_again(asked, at, with_thin_places);
+    std::optional<FittedMesh> next = attempt_again(asked, at, with_thin_places, most_hexes);
     if (!next || next->ground->features().curves.size() != counts.size()) return false;  // the latter: not of the same volume
     next->merit = merit_of(next->mesh, next->shortfall, *next->ground, counts);
     if (!is_better(*next, best)) return false;
@@ -300,7 +303,7 @@ FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
   };
   SizeField finer = sizes;
   bool asks = refine(finer, best, counts);
-  bool thin_places = best.merit.misses_thin_places() && improve(sizes, true);
+  bool thin_places = best.shortfall.rounds <= kMostRounds && best.merit.misses_thin_places() && improve(sizes, true);
   if (thin_places) {  // finer cells alone may do better
     if (asks && improve(finer, false)) thin_places = false;
     else finer = sizes;
