@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <new>
+#include <exception>
 #include <optional>
 #include <string>
 #include <utility>
@@ -200,7 +200,8 @@ FittedMesh attempt(const Asked& asked, Carved carved, bool thin_places) {
   return result;
 }
 
-// Nothing where the finer mesh would be too large, for the limits of the run or beside the first. What carving tells was told the first time.
+// Nothing where the mesh would be too large, for the limits of the run or beside the first, or where anything goes wrong: the first mesh is
+// still there. What carving tells was told the first time.
 std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& sizes, bool thin_places, double most_hexes) {
   Context& context = asked.context;
   std::optional<FittedMesh> result;
@@ -212,9 +213,9 @@ std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& siz
     const bool is_too_large = static_cast<double>(carved.mesh.hexes.size()) > most_hexes;
     if (!is_too_large && std::none_of(told.begin(), told.end(), is_coarsened)) result = attempt(asked, std::move(carved), thin_places);
   } catch (const MeshError& error) {
-    if (error.failure() != Failure::LimitExceeded) throw;
-  } catch (const std::bad_alloc&) {
-    result.reset();  // what was made before is still there
+    if (error.failure() == Failure::Cancelled) throw;
+  } catch (const std::exception&) {
+    result.reset();
   }
   if (!result) context.take_held_adjustments();
   return result;

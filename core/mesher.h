@@ -47,7 +47,8 @@ struct Estimate {
 
 // What a run tells on its way besides Context's progress; empty functions are not called. Called from the thread that runs the pipeline.
 struct Observer {
-  std::function<void(const Estimate&)> on_estimate;            // once, when the octree exists; what it throws ends the run
+  std::function<void(const Estimate&)>
+      on_estimate;            // when an octree exists, again for each finer one; what it throws ends the run, later the attempt
   std::function<void(Stage, const Quality&)> on_quality;       // of the mesh as it is after the stage; layers' wishes are not in it yet
 };
 
