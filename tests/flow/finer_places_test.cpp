@@ -30,6 +30,22 @@ TEST(FinerPlaces, AMinimumSizeIsKept) {
   EXPECT_TRUE(tells(outcome, Reason::FeatureSoftened));
 }
 
+TEST(FinerPlaces, ASecondAttemptThatGoesWrongLeavesTheFirstMesh) {
+  for (const Failure failure : {Failure::LimitExceeded, Failure::Internal, Failure::InvalidInput}) {
+    int trees = 0;
+    Observer observer;
+    observer.on_estimate = [&](const Estimate&) {
+      if (++trees > 1) throw MeshError(failure, Diagnostic{});
+    };
+    Context context;
+    const Outcome outcome = generate(test::chamfered_cylinder(0.05, 96), testing::sized(0.1), context, observer);
+    EXPECT_EQ(trees, 2);
+    testing::expect_sound(outcome);
+    EXPECT_TRUE(tells(outcome, Reason::FeatureSoftened));
+    EXPECT_FALSE(tells(outcome, Reason::SizeRefined));
+  }
+}
+
 TEST(FinerPlaces, NothingIsRefinedWhereNothingIsLost) {
   const Outcome outcome = testing::run(test::rotated(test::l_block(2), Vec3(1, 2, 3).normalized(), 0.4), testing::sized(0.1));
   EXPECT_EQ(outcome.rung, Rung::Full);
