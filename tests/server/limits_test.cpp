@@ -23,11 +23,13 @@ class Limits : public ServerFixture {
     return job_stub_->CreateJob(&context, request, &response);
   }
 
-  bool answers(const std::shared_ptr<grpc::Channel>& channel) {
+  testing::AssertionResult answers(const std::shared_ptr<grpc::Channel>& channel) {
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + 10s);
     v1::GetServerStatusResponse response;
-    return v1::SystemService::NewStub(channel)->GetServerStatus(&context, {}, &response).ok();
+    const grpc::Status status = v1::SystemService::NewStub(channel)->GetServerStatus(&context, {}, &response);
+    if (status.ok()) return testing::AssertionSuccess();
+    return testing::AssertionFailure() << status.error_code() << ": " << status.error_message();
   }
 
   // A connection of its own.
@@ -71,11 +73,18 @@ TEST_F(Limits, AMessageThatWouldUnpackToMuchMoreIsNotUnpacked) {
   EXPECT_TRUE(answers(channel_));
 }
 
+// gRPC ends the connection that sent it soon after the refusal; the client opens another one, and connections beside it stay.
 TEST_F(Limits, MetadataThatIsTooLargeIsRefused) {
   start();
+  const auto beside = new_channel();
+  ASSERT_TRUE(answers(beside));
   grpc::ClientContext context;
   context.AddMetadata("x-request-id", std::string(64 << 10, 'x'));
   EXPECT_EQ(create_with(context, tetrahedron_job()).error_code(), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(beside->GetState(false), GRPC_CHANNEL_READY);
+  EXPECT_TRUE(answers(beside));
+  const auto deadline = std::chrono::steady_clock::now() + 10s;
+  while (!answers(channel_) && std::chrono::steady_clock::now() < deadline) std::this_thread::sleep_for(10ms);
   EXPECT_TRUE(answers(channel_));
 }
 
