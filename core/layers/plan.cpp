@@ -8,6 +8,8 @@
 #include <numeric>
 #include <set>
 
+#include "core/layers/corner_fan.h"
+
 namespace strata {
 namespace {
 
@@ -16,6 +18,7 @@ constexpr double kJointBeatsCross = 120 * kDegree;   // sin t = sin t/2
 constexpr double kCrossFeasible = 165 * kDegree;     // beyond, a crossing or an imprint has next to no corner left
 constexpr double kImprintBest = 135 * kDegree;       // scaled Jacobian sin t = .71
 constexpr double kImprintFeasible = 150 * kDegree;
+constexpr double kLeastCorner = 0.15;                // scaled Jacobian at a corner of groups that cross: under it they are better joined
 
 struct BorderEdge {
   FacetIndex facet = kNoFacet;   // of the front `from`
@@ -70,6 +73,8 @@ struct Planner {
   void find_growing_fronts();
   void measure_pairs();
   void form_groups();
+  void join_at_corners(DisjointSets& sets);
+  [[nodiscard]] bool asked_to_cross(const CornerFan& fan) const;
   void order_groups();
   void choose_wedges();
   void wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& border);
@@ -177,6 +182,7 @@ void Planner::form_groups() {
       apart.insert({w.a, w.b});
     }
   }
+  join_at_corners(sets);
   std::map<std::int32_t, std::size_t> group_of_root;
   for (FrontIndex f = 0; f < static_cast<FrontIndex>(grows.size()); ++f) {
     if (!growing(f)) continue;
@@ -185,6 +191,44 @@ void Planner::form_groups() {
     LayerGroup& group = plan.groups[at->second];
     group.fronts.push_back(f);
     group.count = std::max(group.count, wishes[patch_of(f)].law.count);
+  }
+}
+
+bool Planner::asked_to_cross(const CornerFan& fan) const {
+  for (std::size_t i = 0; i < fan.facet.size(); ++i) {
+    const FrontIndex a = facets.front(fan.facet[i]), b = facets.front(fan.facet[(i + 1) % fan.facet.size()]);
+    if (a != b && (ending_towards(entry_of(a), name_of(b)) == Ending::CrossImprint ||
+                   ending_towards(entry_of(b), name_of(a)) == Ending::CrossImprint))
+      return true;
+  }
+  return false;
+}
+
+// Where groups meet round a corner whose edges span no hex the right way round, their crossing has no volume, whatever the angles along
+// its edges: at corners with two creases in line, or where convex edges and concave ones alternate. There some groups are joined. What was
+// asked to cross is only joined where it has no volume at all.
+void Planner::join_at_corners(DisjointSets& sets) {
+  std::vector<CornerFan> fans = corner_fans(mesh, facets);
+  std::erase_if(fans, [&](const CornerFan& fan) {
+    return !std::all_of(fan.facet.begin(), fan.facet.end(), [&](FacetIndex f) { return growing(facets.front(f)); });
+  });
+  for (bool joined = true; joined;) {
+    joined = false;
+    for (const CornerFan& fan : fans) {
+      std::vector<std::int32_t> group;
+      for (FacetIndex f : fan.facet) group.push_back(sets.find(facets.front(f)));
+      const double enough = asked_to_cross(fan) ? 0 : kLeastCorner;
+      const std::vector<std::int32_t> together =
+          corner_quality(fan, group) > enough ? std::vector<std::int32_t>() : better_joined(fan, group);
+      for (std::size_t i = 0; !together.empty() && i < group.size(); ++i) {
+        const std::size_t next = (i + 1) % group.size();
+        const auto among = [&](std::int32_t g) { return std::find(together.begin(), together.end(), g) != together.end(); };
+        if (group[i] == group[next] || !among(group[i]) || !among(group[next])) continue;
+        ending_changed(facets.front(fan.facet[i]), facets.front(fan.facet[next]),
+                       "joined regularly, because layers that cross would have no room at a corner");
+      }
+      for (std::int32_t g : together) sets.join(together.front(), g), joined = true;
+    }
   }
 }
 
