@@ -72,7 +72,7 @@ class Upload {
 
  private:
   static bool worth_another_try(const grpc::Status& status) {
-    if (transient(status) || status.error_code() == grpc::OUT_OF_RANGE) return true;
+    if (transient(status) || status.error_code() == grpc::OUT_OF_RANGE || status.error_code() == grpc::CANCELLED) return true;
     return status.error_code() == grpc::DATA_LOSS && command_error(status, "").reason() == "FRAME_CRC_MISMATCH";
   }
 

@@ -39,21 +39,28 @@ class RefusedWrite final : public grpc::ServerReadReactor<v1::WriteBlobRequest> 
 // Takes one frame at a time; the next is read when this one is written.
 class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
  public:
-  WriteCall(const Caller& caller, BlobStore& blobs, const WireLimits& limits, v1::WriteBlobResponse* response)
-      : caller_(caller), blobs_(blobs), limits_(limits), response_(response) {
-    StartRead(&request_);
+  WriteCall(const Caller& caller, BlobStore& blobs, std::unique_ptr<Transfers::Ticket> ticket, const WireLimits& limits,
+            v1::WriteBlobResponse* response)
+      : caller_(caller), blobs_(blobs), ticket_(std::move(ticket)), limits_(limits), response_(response) {
+    read_next();
   }
 
   void OnReadDone(bool ok) override {
+    ticket_->works();
     if (!ok) return Finish(status_of([&] { end(); }));
     const grpc::Status status = status_of([&] { take(); });
-    if (status.ok()) return StartRead(&request_);
+    if (status.ok()) return read_next();
     keep_what_came();
     Finish(status);
   }
   void OnDone() override { delete this; }
 
  private:
+  void read_next() {
+    ticket_->waits_for_client();
+    StartRead(&request_);
+  }
+
   void take() {
     if (upload_id_.empty()) {
       upload_id_ = request_.upload_id();
@@ -77,6 +84,7 @@ class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
 
   const Caller caller_;
   BlobStore& blobs_;
+  const std::unique_ptr<Transfers::Ticket> ticket_;
   const WireLimits& limits_;
   v1::WriteBlobResponse* response_;
   v1::WriteBlobRequest request_;
@@ -86,20 +94,23 @@ class WriteCall final : public grpc::ServerReadReactor<v1::WriteBlobRequest> {
 // One outstanding write: gRPC's flow control holds the disk reads back.
 class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
  public:
-  ReadCall(Gate& gate, const CallbackServerContext& context, const BlobStore& blobs, const v1::ReadBlobRequest& request) {
+  ReadCall(Gate& gate, CallbackServerContext& context, const BlobStore& blobs, Transfers& transfers, const v1::ReadBlobRequest& request) {
     const grpc::Status status = status_of([&] {
-      open(blobs, blob_of(gate.admit(credentials_of(context), Role::Viewer, CallKind::Plain), blobs, request.blob_id()), request);
+      const BlobInfo blob = blob_of(gate.admit(credentials_of(context), Role::Viewer, CallKind::Plain), blobs, request.blob_id());
+      ticket_ = transfers.begin(context);
+      open(blobs, blob, request);
     });
-    if (status.ok()) StartWrite(&response_);
+    if (status.ok()) write();
     else Finish(status);
   }
 
   void OnWriteDone(bool ok) override {
+    ticket_->works();
     if (!ok || gone_) return Finish(grpc::Status::CANCELLED);
     if (!cutter_.more()) return Finish(grpc::Status::OK);
     const grpc::Status status = status_of([&] { cutter_.cut(*response_.mutable_frame()); });
     if (!status.ok()) return Finish(status);
-    StartWrite(&response_);
+    write();
   }
   void OnCancel() override { gone_ = true; }
   void OnDone() override { delete this; }
@@ -115,6 +126,12 @@ class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
     *response_.mutable_blob() = to_wire(blob);
   }
 
+  void write() {
+    ticket_->waits_for_client();
+    StartWrite(&response_);
+  }
+
+  std::unique_ptr<Transfers::Ticket> ticket_;
   FrameCutter cutter_;
   v1::ReadBlobResponse response_;
   std::atomic<bool> gone_ = false;
@@ -122,7 +139,8 @@ class ReadCall final : public grpc::ServerWriteReactor<v1::ReadBlobResponse> {
 
 class BlobService final : public v1::BlobService::CallbackService {
  public:
-  BlobService(Gate& gate, BlobStore& blobs, const WireLimits& limits) : gate_(gate), blobs_(blobs), limits_(limits) {}
+  BlobService(Gate& gate, const JobDesk& desk, BlobStore& blobs, Transfers& transfers, const WireLimits& limits)
+      : gate_(gate), desk_(desk), blobs_(blobs), transfers_(transfers), limits_(limits) {}
 
   grpc::ServerUnaryReactor* StartUpload(CallbackServerContext* context, const v1::StartUploadRequest* request,
                                         v1::StartUploadResponse* response) override {
@@ -134,6 +152,7 @@ class BlobService final : public v1::BlobService::CallbackService {
         blobs_.touch(known->id);
         *response->mutable_blob() = to_wire(*known);
       } else {
+        desk_.check_storage(caller.tenant, request->size_bytes());
         response->set_upload_id(blobs_.start_upload(request->size_bytes(), request->sha256(), owner).id);
         for (const v1::Codec codec : kCodecs) response->add_accepted_codecs(codec);
       }
@@ -142,9 +161,13 @@ class BlobService final : public v1::BlobService::CallbackService {
 
   grpc::ServerReadReactor<v1::WriteBlobRequest>* WriteBlob(CallbackServerContext* context, v1::WriteBlobResponse* response) override {
     Caller caller;
-    const grpc::Status status = status_of([&] { caller = gate_.admit(credentials_of(*context), Role::Submitter, CallKind::Plain); });
+    std::unique_ptr<Transfers::Ticket> ticket;
+    const grpc::Status status = status_of([&] {
+      caller = gate_.admit(credentials_of(*context), Role::Submitter, CallKind::Plain);
+      ticket = transfers_.begin(*context);
+    });
     if (!status.ok()) return new RefusedWrite(status);
-    return new WriteCall(caller, blobs_, limits_, response);
+    return new WriteCall(caller, blobs_, std::move(ticket), limits_, response);
   }
 
   grpc::ServerUnaryReactor* GetUpload(CallbackServerContext* context, const v1::GetUploadRequest* request,
@@ -160,7 +183,7 @@ class BlobService final : public v1::BlobService::CallbackService {
   }
 
   grpc::ServerWriteReactor<v1::ReadBlobResponse>* ReadBlob(CallbackServerContext* context, const v1::ReadBlobRequest* request) override {
-    return new ReadCall(gate_, *context, blobs_, *request);
+    return new ReadCall(gate_, *context, blobs_, transfers_, *request);
   }
 
   grpc::ServerUnaryReactor* GetBlob(CallbackServerContext* context, const v1::GetBlobRequest* request,
@@ -178,14 +201,17 @@ class BlobService final : public v1::BlobService::CallbackService {
   }
 
   Gate& gate_;
+  const JobDesk& desk_;
   BlobStore& blobs_;
+  Transfers& transfers_;
   const WireLimits limits_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> make_blob_service(Gate& gate, BlobStore& blobs, const WireLimits& limits) {
-  return std::make_unique<BlobService>(gate, blobs, limits);
+std::unique_ptr<grpc::Service> make_blob_service(Gate& gate, const JobDesk& desk, BlobStore& blobs, Transfers& transfers,
+                                                 const WireLimits& limits) {
+  return std::make_unique<BlobService>(gate, desk, blobs, transfers, limits);
 }
 
 }  // namespace strata::server

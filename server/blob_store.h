@@ -34,6 +34,13 @@ struct UploadInfo {
   std::string owner;
 };
 
+// What lies here of one owner.
+struct BlobUsage {
+  std::int64_t stored = 0;     // bytes of blobs
+  std::int64_t announced = 0;  // bytes that unfinished uploads have or will have
+  int uploads = 0;             // unfinished
+};
+
 // A blob that is open: it stays readable even when removed meanwhile.
 class BlobReader {
  public:
@@ -79,8 +86,9 @@ class BlobStore {
   // Removes the folder and what was not adopted.
   virtual void unstage(const std::string& folder) = 0;
 
-  // On the device.
+  // On the device, less what the unfinished uploads of all owners announced: what came of those already counts twice, to be on the safe side.
   virtual std::int64_t free_bytes() const = 0;
+  virtual BlobUsage usage(const std::string& owner) const = 0;
 
   // Uploads in pieces. `sha256` may be empty: then nothing is compared.
   virtual UploadInfo start_upload(std::int64_t size, const std::string& sha256, const std::string& owner) = 0;

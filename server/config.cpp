@@ -109,6 +109,11 @@ void add_flags(CLI::App& app, Config& config) {
   env(app.add_option("--max-connections", config.server.max_connections, "Connections at once; more are closed as they come")
           ->check(CLI::Range(1, 1'000'000)),
       "STRATAD_MAX_CONNECTIONS");
+  env(app.add_option("--max-transfers", config.server.max_transfers, "Uploads and downloads at once")->check(CLI::Range(1, 1'000'000)),
+      "STRATAD_MAX_TRANSFERS");
+  env(app.add_option("--stall-timeout", config.server.stall_seconds, "Seconds after which uploads and downloads end whose clients stopped")
+          ->check(CLI::Range(1.0, 86'400.0)),
+      "STRATAD_STALL_TIMEOUT");
   env(app.add_option("--drain-timeout", config.drain_timeout_seconds, "Seconds running jobs get to finish after SIGTERM")
           ->check(CLI::NonNegativeNumber),
       "STRATAD_DRAIN_TIMEOUT");

@@ -2,6 +2,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -101,9 +102,11 @@ class FileBlobStore final : public BlobStore {
       for (const auto& [id, upload] : known_uploads_) all.push_back(upload);
     }
     for (const std::shared_ptr<Upload>& upload : all) {
-      if (!drop_when_idle(*upload, when)) continue;
+      const Dropped dropped = drop_when_idle(*upload, when);
+      if (dropped == Dropped::No) continue;
       const std::lock_guard lock(mutex_);
       known_uploads_.erase(upload->info.id);
+      if (dropped == Dropped::Unfinished) count_upload(upload->info.owner, upload->info.size, -1);
     }
   }
 
@@ -119,6 +122,7 @@ class FileBlobStore final : public BlobStore {
     if (found == known_.end()) return;
     ::unlink(path_of(found->second).c_str());
     by_digest_.erase({found->second.sha256, id});
+    usage_[found->second.owner].stored -= found->second.size;
     known_.erase(found);
   }
 
@@ -146,7 +150,15 @@ class FileBlobStore final : public BlobStore {
   std::int64_t free_bytes() const override {
     std::error_code error;
     const auto space = fs::space(blobs_, error);
-    return error ? 0 : static_cast<std::int64_t>(space.available);
+    if (error) return 0;
+    const std::lock_guard lock(mutex_);
+    return std::max<std::int64_t>(0, static_cast<std::int64_t>(space.available) - announced_);
+  }
+
+  BlobUsage usage(const std::string& owner) const override {
+    const std::lock_guard lock(mutex_);
+    const auto found = usage_.find(owner);
+    return found == usage_.end() ? BlobUsage() : found->second;
   }
 
   UploadInfo start_upload(std::int64_t size, const std::string& sha256, const std::string& owner) override {
@@ -160,6 +172,7 @@ class FileBlobStore final : public BlobStore {
     sync_folder(uploads_);
     const std::lock_guard lock(mutex_);
     known_uploads_[upload->info.id] = upload;
+    count_upload(owner, size, +1);
     return upload->info;
   }
 
@@ -242,12 +255,25 @@ class FileBlobStore final : public BlobStore {
     return upload;
   }
 
-  static bool drop_when_idle(Upload& upload, std::chrono::system_clock::time_point when) {
+  enum class Dropped { No, Unfinished, Finished };
+  static Dropped drop_when_idle(Upload& upload, std::chrono::system_clock::time_point when) {
     const std::lock_guard lock(upload.mutex);
-    if (upload.info.blob) return upload.completed < when;
-    if (last_change(upload.path) >= when) return false;
+    if (upload.info.blob) return upload.completed < when ? Dropped::Finished : Dropped::No;
+    if (last_change(upload.path) >= when) return Dropped::No;
     ::unlink(upload.path.c_str());
-    return true;
+    return Dropped::Unfinished;
+  }
+
+  // With the store's lock. `by` is 1 for one that begins, -1 for one that is no longer unfinished.
+  void count_upload(const std::string& owner, std::int64_t size, int by) {
+    BlobUsage& usage = usage_[owner];
+    usage.announced += by * size;
+    usage.uploads += by;
+    announced_ += by * size;
+  }
+  void count_blob(const BlobInfo& blob) {
+    if (known_.emplace(blob.id, blob).second) usage_[blob.owner].stored += blob.size;
+    by_digest_[{blob.sha256, blob.id}] = true;
   }
 
   void commit(Upload& upload) const {
@@ -269,6 +295,10 @@ class FileBlobStore final : public BlobStore {
     }
     const BlobInfo blob{random_id(), upload.info.size, digest, upload.info.owner};
     publish(upload.path, blob);
+    {
+      const std::lock_guard lock(mutex_);
+      count_upload(upload.info.owner, upload.info.size, -1);
+    }
     upload.info.blob = blob;
     upload.completed = std::chrono::system_clock::now();
     upload.info.committed = upload.info.size;
@@ -287,9 +317,7 @@ class FileBlobStore final : public BlobStore {
   void remember_blob(const fs::directory_entry& entry) {
     const std::vector<std::string> parts = parts_of(entry.path().filename());
     if (parts.size() < 2 || parts.size() > 3 || !is_id(parts[0]) || parts[1].size() != 64) return;
-    const BlobInfo blob{parts[0], static_cast<std::int64_t>(entry.file_size()), unhex(parts[1]), parts.size() == 3 ? parts[2] : ""};
-    known_[blob.id] = blob;
-    by_digest_[{blob.sha256, blob.id}] = true;
+    count_blob({parts[0], static_cast<std::int64_t>(entry.file_size()), unhex(parts[1]), parts.size() == 3 ? parts[2] : ""});
   }
 
   void remember_upload(const fs::directory_entry& entry) {
@@ -304,6 +332,7 @@ class FileBlobStore final : public BlobStore {
     upload->written = upload->info.committed = std::min(static_cast<std::int64_t>(entry.file_size()), upload->info.size);
     upload->hashed = upload->written == 0 ? 0 : -1;
     known_uploads_[upload->info.id] = upload;
+    count_upload(upload->info.owner, upload->info.size, +1);
   }
 
   void sync(const File& file) const {
@@ -319,6 +348,8 @@ class FileBlobStore final : public BlobStore {
   std::map<std::string, BlobInfo> known_;
   std::map<std::pair<std::string, std::string>, bool> by_digest_;  // (digest, id)
   std::map<std::string, std::shared_ptr<Upload>> known_uploads_;
+  std::map<std::string, BlobUsage> usage_;  // by owner
+  std::int64_t announced_ = 0;              // by unfinished uploads of all owners
 };
 
 std::unique_ptr<BlobWriter> FileBlobStore::create(const std::string& owner) {
@@ -332,8 +363,7 @@ void FileBlobStore::publish(const std::string& path, const BlobInfo& blob) {
   if (::rename(path.c_str(), path_of(blob).c_str()) != 0) device_failed("cannot publish a blob");
   sync_folder(blobs_);
   const std::lock_guard lock(mutex_);
-  known_[blob.id] = blob;
-  by_digest_[{blob.sha256, blob.id}] = true;
+  count_blob(blob);
 }
 
 }  // namespace

@@ -22,21 +22,30 @@ class GenerateCall final
       : desk_(desk), blobs_(blobs), pool_(pool), limits_(limits) {}
 
   // The first thing to be done with it.
-  void begin(Gate& gate, const grpc::CallbackServerContext& context) {
+  void begin(Gate& gate, grpc::CallbackServerContext& context, Transfers& transfers) {
     own_itself();
-    const grpc::Status status = status_of([&] { caller_ = gate.admit(credentials_of(context), Role::Submitter, CallKind::Submit); });
-    if (status.ok()) StartRead(&request_);
+    const grpc::Status status = status_of([&] {
+      caller_ = gate.admit(credentials_of(context), Role::Submitter, CallKind::Submit);
+      ticket_ = transfers.begin(context);
+    });
+    if (status.ok()) read_next();
     else fail(status);
   }
 
   void OnReadDone(bool ok) override {
+    ticket_->works();
     if (!ok) return end_of_surface();
     const grpc::Status status = status_of([&] { take(); });
     if (!status.ok()) return fail(status);
-    StartRead(&request_);
+    read_next();
   }
 
  private:
+  void read_next() {
+    ticket_->waits_for_client();
+    StartRead(&request_);
+  }
+
   void take() {
     if (request_.has_open()) return open();
     if (!opened_) throw invalid_field("open", "must be the first message");
@@ -54,6 +63,7 @@ class GenerateCall final
     if (open_.surface_size_bytes() == 0) return;
     if (has_source) throw invalid_field("open.surface_size_bytes", "announces frames for a surface that is there already");
     check_upload(open_.surface_size_bytes(), open_.surface_sha256(), limits_);
+    desk_.check_storage(caller_.tenant, open_.surface_size_bytes());
     upload_id_ = blobs_.start_upload(open_.surface_size_bytes(), open_.surface_sha256(), owner_key(caller_.tenant)).id;
   }
 
@@ -91,6 +101,13 @@ class GenerateCall final
   }
 
   bool compose(v1::GenerateMeshResponse& response) override {
+    ticket_->works();
+    if (!compose_next(response)) return false;
+    ticket_->waits_for_client();
+    return true;
+  }
+
+  bool compose_next(v1::GenerateMeshResponse& response) {
     response.Clear();
     if (!job_) return compose_event(response);
     if (artifact_ < job_->artifacts_size()) return compose_artifact(response);
@@ -105,7 +122,7 @@ class GenerateCall final
     if (!message) return false;
     if (message->has_done()) {
       job_ = std::move(*message->mutable_done());
-      return compose(response);
+      return compose_next(response);
     }
     *response.mutable_event() = std::move(*message);
     return true;
@@ -130,6 +147,8 @@ class GenerateCall final
   bool complete() const override { return said_done_; }
   grpc::Status final_status() const override { return job_->has_error() ? to_status(job_->error()) : grpc::Status::OK; }
 
+  void over() override { ticket_.reset(); }
+
   void client_left() override {
     client_gone_ = true;
     std::string job_id;
@@ -146,6 +165,7 @@ class GenerateCall final
   TaskPool& pool_;
   const WireLimits& limits_;
   Caller caller_;
+  std::unique_ptr<Transfers::Ticket> ticket_;
   v1::GenerateMeshRequest request_;
   v1::GenerateMeshOpen open_;
   bool opened_ = false;
@@ -163,12 +183,12 @@ class GenerateCall final
 
 }  // namespace
 
-grpc::ServerBidiReactor<v1::GenerateMeshRequest, v1::GenerateMeshResponse>* begin_generate(Gate& gate,
-                                                                                           const grpc::CallbackServerContext& context,
-                                                                                           JobDesk& desk, BlobStore& blobs, TaskPool& pool,
+grpc::ServerBidiReactor<v1::GenerateMeshRequest, v1::GenerateMeshResponse>* begin_generate(Gate& gate, grpc::CallbackServerContext& context,
+                                                                                           JobDesk& desk, BlobStore& blobs,
+                                                                                           Transfers& transfers, TaskPool& pool,
                                                                                            const WireLimits& limits) {
   const auto call = std::make_shared<GenerateCall>(desk, blobs, pool, limits);
-  call->begin(gate, context);
+  call->begin(gate, context, transfers);
   return call.get();
 }
 

@@ -8,9 +8,9 @@
 namespace strata::server {
 
 // The call owns itself. The references must outlive it.
-grpc::ServerBidiReactor<v1::GenerateMeshRequest, v1::GenerateMeshResponse>* begin_generate(Gate& gate,
-                                                                                           const grpc::CallbackServerContext& context,
-                                                                                           JobDesk& desk, BlobStore& blobs, TaskPool& pool,
+grpc::ServerBidiReactor<v1::GenerateMeshRequest, v1::GenerateMeshResponse>* begin_generate(Gate& gate, grpc::CallbackServerContext& context,
+                                                                                           JobDesk& desk, BlobStore& blobs,
+                                                                                           Transfers& transfers, TaskPool& pool,
                                                                                            const WireLimits& limits);
 
 }  // namespace strata::server

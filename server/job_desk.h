@@ -63,6 +63,8 @@ class JobDesk {
   };
   // Durable on return. Throws Refusal, MeshError or JobRefused.
   Created create(const Caller& caller, v1::CreateJobRequest request, PriceUnless unless = nullptr);
+  // May the tenant store so many bytes more, or anything at all? Throws Refusal RESOURCE_EXHAUSTED.
+  void check_storage(const std::string& tenant, std::int64_t more) const;
   // Should a job that comes now be priced first? One that can run at once prices itself.
   [[nodiscard]] bool prices_now() const;
   // Jobs of other tenants do not exist for a caller: NOT_FOUND.
@@ -121,7 +123,6 @@ class JobDesk {
   void resume_stored_jobs();
   bool resume(const Lock& lock, StoredJob stored);
   void check_room(const Lock& lock, const std::string& tenant) const;
-  void check_storage(const std::string& tenant) const;
   [[nodiscard]] double seconds_until_room() const;
   [[nodiscard]] std::optional<Created> known_request(const std::string& tenant, const std::string& request_id,
                                                      const std::string& fingerprint) const;

@@ -16,6 +16,7 @@ namespace strata::server {
 namespace {
 
 constexpr std::size_t kShortQueue = 16;           // jobs; see prices_now
+constexpr int kMostUploads = 10'000;              // unfinished ones of a tenant
 constexpr double kRetrySeconds = 5;               // when nothing better is known
 constexpr std::int64_t kSequenceGap = 1'000'000;  // numbers that a run lost by a crash may have given to events nobody saved
 
@@ -40,15 +41,21 @@ void JobDesk::check_room(const Lock&, const std::string& tenant) const {
     throw full("TENANT_QUOTA", "this tenant may have " + std::to_string(limits.queued) + " jobs waiting");
 }
 
-void JobDesk::check_storage(const std::string& tenant) const {
+void JobDesk::check_storage(const std::string& tenant, std::int64_t more) const {
   const auto full = [this](const char* reason, const std::string& message) {
     const Lock lock(mutex_);
     return Refusal(Refused::ResourceExhausted, reason, message).retry_after(seconds_until_room());
   };
   const TenantLimits limits = options_.limits_of(tenant);
-  if (limits.bytes > 0 && jobs_.usage(tenant).bytes >= limits.bytes)
-    throw full("TENANT_QUOTA", "the results of this tenant take the " + std::to_string(limits.bytes) + " bytes it may have: delete some");
-  if (options_.disk_reserve_bytes > 0 && blobs_.free_bytes() < options_.disk_reserve_bytes)
+  const BlobUsage usage = blobs_.usage(owner_key(tenant));
+  if (usage.uploads >= kMostUploads)
+    throw full("TENANT_QUOTA",
+               std::to_string(usage.uploads) + " uploads of this tenant are unfinished: those that nobody continues end by themselves");
+  if (limits.bytes > 0 && std::max<std::int64_t>(more, 1) > limits.bytes - usage.stored - usage.announced)
+    throw full("TENANT_QUOTA", "surfaces, results and unfinished uploads of this tenant take " +
+                                   std::to_string(usage.stored + usage.announced) + " of the " + std::to_string(limits.bytes) +
+                                   " bytes it may have: delete some jobs");
+  if (options_.disk_reserve_bytes > 0 && blobs_.free_bytes() - more < options_.disk_reserve_bytes)
     throw full("STORAGE_FULL", "the server is short of disk space");
 }
 
@@ -134,7 +141,7 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
     --arriving_;
   };
   try {
-    check_storage(caller.tenant);
+    check_storage(caller.tenant, static_cast<std::int64_t>(request.surface().data().size()));
     const auto cost = admission_.cost(request, unless);
     const auto pin = pin_surface(caller.tenant, request);
     Created created = store(std::move(request), cost, caller, fingerprint);

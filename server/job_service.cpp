@@ -60,8 +60,8 @@ class SlowCall final : public grpc::ServerUnaryReactor {
 
 class JobService final : public v1::JobService::CallbackService {
  public:
-  JobService(Gate& gate, JobDesk& desk, BlobStore& blobs, const WireLimits& limits)
-      : gate_(gate), desk_(desk), blobs_(blobs), limits_(limits), pool_(kSlowCalls, kWaitingCalls) {}
+  JobService(Gate& gate, JobDesk& desk, BlobStore& blobs, Transfers& transfers, const WireLimits& limits)
+      : gate_(gate), desk_(desk), blobs_(blobs), transfers_(transfers), limits_(limits), pool_(kSlowCalls, kWaitingCalls) {}
 
   grpc::ServerUnaryReactor* CreateJob(CallbackServerContext* context, const v1::CreateJobRequest* request,
                                       v1::CreateJobResponse* response) override {
@@ -124,7 +124,7 @@ class JobService final : public v1::JobService::CallbackService {
   }
 
   grpc::ServerBidiReactor<v1::GenerateMeshRequest, v1::GenerateMeshResponse>* GenerateMesh(CallbackServerContext* context) override {
-    return begin_generate(gate_, *context, desk_, blobs_, pool_, limits_);
+    return begin_generate(gate_, *context, desk_, blobs_, transfers_, pool_, limits_);
   }
 
  private:
@@ -141,14 +141,16 @@ class JobService final : public v1::JobService::CallbackService {
   Gate& gate_;
   JobDesk& desk_;
   BlobStore& blobs_;
+  Transfers& transfers_;
   const WireLimits limits_;
   TaskPool pool_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> make_job_service(Gate& gate, JobDesk& desk, BlobStore& blobs, const WireLimits& limits) {
-  return std::make_unique<JobService>(gate, desk, blobs, limits);
+std::unique_ptr<grpc::Service> make_job_service(Gate& gate, JobDesk& desk, BlobStore& blobs, Transfers& transfers,
+                                                const WireLimits& limits) {
+  return std::make_unique<JobService>(gate, desk, blobs, transfers, limits);
 }
 
 }  // namespace strata::server

@@ -32,11 +32,6 @@ struct JobQuery {
   std::vector<std::pair<std::string, std::string>> labels;  // only with all of these
 };
 
-struct StoredUsage {
-  std::int64_t jobs = 0;
-  std::int64_t bytes = 0;  // of results
-};
-
 // Safe to call from any thread. What a durable store returned from is durable. Whose a job is stands in Job.tenant.
 class JobStore {
  public:
@@ -60,7 +55,6 @@ class JobStore {
   virtual std::vector<std::string> expired(std::int64_t now, int at_most) const = 0;
   // Does a job need this blob, as surface or as result?
   virtual bool uses(const std::string& blob_id) const = 0;
-  virtual StoredUsage usage(const std::string& tenant) const = 0;
 };
 
 std::unique_ptr<JobStore> make_memory_job_store();

@@ -108,17 +108,6 @@ class MemoryJobStore final : public JobStore {
     });
   }
 
-  StoredUsage usage(const std::string& tenant) const override {
-    const std::lock_guard lock(mutex_);
-    StoredUsage usage;
-    for (const auto& [order, row] : rows_) {
-      if (row.stored.job.tenant() != tenant) continue;
-      ++usage.jobs;
-      usage.bytes += result_bytes(row.stored.job);
-    }
-    return usage;
-  }
-
   std::int64_t count() const override {
     const std::lock_guard lock(mutex_);
     return static_cast<std::int64_t>(rows_.size());

@@ -62,6 +62,7 @@ void set_limits(grpc::ServerBuilder& builder, const WireLimits& limits) {
 }  // namespace
 
 struct Server::Parts {
+  std::unique_ptr<Transfers> transfers;
   std::unique_ptr<grpc::Service> jobs, blobs, system;
   std::unique_ptr<Listener> listener;
   std::unique_ptr<grpc::Server> server;  // goes first
@@ -85,8 +86,9 @@ Server::Server(const ServerOptions& options, CallWatchers watchers, Gate& gate, 
     : parts_(std::make_unique<Parts>()) {
   check_options(options);
   const bool tls = uses_tls(options);
-  parts_->jobs = make_job_service(gate, desk, blobs, options.limits);
-  parts_->blobs = make_blob_service(gate, blobs, options.limits);
+  parts_->transfers = std::make_unique<Transfers>(options.max_transfers, options.stall_seconds);
+  parts_->jobs = make_job_service(gate, desk, blobs, *parts_->transfers, options.limits);
+  parts_->blobs = make_blob_service(gate, desk, blobs, *parts_->transfers, options.limits);
   parts_->system = make_system_service(gate, desk, options.limits);
 
   grpc::EnableDefaultHealthCheckService(true);

@@ -24,6 +24,8 @@ struct ServerOptions {
   TlsFiles tls;
   bool insecure = false;    // allow TCP beyond loopback without TLS
   int max_connections = 4096;
+  int max_transfers = 2048;    // uploads and downloads at once
+  double stall_seconds = 120;  // after which a transfer ends whose client neither takes nor sends
   WireLimits limits;
 };
 

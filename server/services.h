@@ -10,6 +10,7 @@
 #include "server/blob_store.h"
 #include "server/gate.h"
 #include "server/job_desk.h"
+#include "server/transfers.h"
 
 namespace strata::server {
 
@@ -21,8 +22,10 @@ struct WireLimits {
 };
 
 // The references must outlive the services.
-std::unique_ptr<grpc::Service> make_blob_service(Gate& gate, BlobStore& blobs, const WireLimits& limits);
-std::unique_ptr<grpc::Service> make_job_service(Gate& gate, JobDesk& desk, BlobStore& blobs, const WireLimits& limits);
+std::unique_ptr<grpc::Service> make_blob_service(Gate& gate, const JobDesk& desk, BlobStore& blobs, Transfers& transfers,
+                                                 const WireLimits& limits);
+std::unique_ptr<grpc::Service> make_job_service(Gate& gate, JobDesk& desk, BlobStore& blobs, Transfers& transfers,
+                                                const WireLimits& limits);
 std::unique_ptr<grpc::Service> make_system_service(Gate& gate, const JobDesk& desk, const WireLimits& limits);
 
 // What the call shows of its caller.

@@ -147,13 +147,6 @@ class SqliteJobStore final : public JobStore {
     return row.text(blob_id).step();
   }
 
-  StoredUsage usage(const std::string& tenant) const override {
-    const std::lock_guard lock(reading_);
-    Statement row(reader_.get(), "SELECT COUNT(*), IFNULL(SUM(bytes), 0) FROM job WHERE tenant = ?");
-    row.text(tenant).step();
-    return {row.number_at(0), row.number_at(1)};
-  }
-
  private:
   static StoredJob row_of(const Statement& row) {
     return {decoded<v1::Job>(row.bytes_at(0)), decoded<v1::CreateJobRequest>(row.bytes_at(1)), std::string(row.bytes_at(2))};

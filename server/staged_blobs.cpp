@@ -32,6 +32,7 @@ class StagedBlobs final : public BlobStore {
   void adopt(const std::string&, const BlobInfo&) override { not_here(); }
   void unstage(const std::string&) override { not_here(); }
   std::int64_t free_bytes() const override { return 0; }
+  BlobUsage usage(const std::string&) const override { return {}; }
   UploadInfo start_upload(std::int64_t, const std::string&, const std::string&) override { not_here(); }
   std::optional<UploadInfo> find_upload(const std::string&) const override { return {}; }
   UploadInfo write_upload(const std::string&, std::int64_t, std::string_view) override { not_here(); }

@@ -53,7 +53,10 @@ class StreamingCall : public Reactor, public Watcher, public std::enable_shared_
     poke();
   }
 
-  void OnDone() final { self_.reset(); }
+  void OnDone() final {
+    over();
+    self_.reset();
+  }
 
  protected:
   void own_itself() { self_ = this->shared_from_this(); }
@@ -78,6 +81,8 @@ class StreamingCall : public Reactor, public Watcher, public std::enable_shared_
   [[nodiscard]] virtual bool complete() const = 0;
   [[nodiscard]] virtual grpc::Status final_status() const { return grpc::Status::OK; }
   virtual void client_left() {}
+  // The call's context goes next; this object may stay a little longer in the desk's hands.
+  virtual void over() {}
 
   std::mutex mutex_;
   bool streaming_ = false, writing_ = false, finished_ = false, gone_ = false;

@@ -24,7 +24,7 @@ keys:
   - {name: vic, sha256: 17883a478536b32ec288f918f0f07d88972dec06b779126ff9f13385ca09e923, tenant: a, role: viewer}
   - {name: root, sha256: 535a198c9f40ac6c86e6f83aa8ba7bbb45198526091d1ed9ef3cca0472e56155, tenant: ops, role: admin}
 tenants:
-  b: {queued: 1}
+  b: {queued: 1, bytes: 100000}
 )";
 
 class Auth : public ServerFixture {
@@ -181,6 +181,25 @@ TEST_F(Auth, ATenantsQuotaIsItsOwn) {
   EXPECT_GT(retry_of(refused), 0);
   EXPECT_TRUE(create_as("key of ann", job).ok());
   mesher_.release();
+}
+
+TEST_F(Auth, WhatATenantAnnouncesCountsAgainstItsQuota) {
+  const auto announce = [this](const std::string& key, std::int64_t size) {
+    grpc::ClientContext context;
+    context.AddMetadata("authorization", "Bearer " + key);
+    v1::StartUploadRequest request;
+    request.set_size_bytes(size);
+    v1::StartUploadResponse response;
+    return blob_stub_->StartUpload(&context, request, &response);
+  };
+  EXPECT_EQ(reason_of(announce("key of bob", 100001)), "TENANT_QUOTA");
+  EXPECT_TRUE(announce("key of bob", 60000).ok());
+  const grpc::Status refused = announce("key of bob", 60000);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(reason_of(refused), "TENANT_QUOTA");
+  EXPECT_TRUE(announce("key of ann", 1 << 30).ok());
+  blobs_->drop_uploads_idle_since(std::chrono::system_clock::now() + 1h);
+  EXPECT_TRUE(announce("key of bob", 60000).ok());
 }
 
 }  // namespace

@@ -117,6 +117,35 @@ TEST(BlobStore, KeepsTenantsApartAcrossRestart) {
   EXPECT_EQ(store->find_upload(upload)->owner, owner_key("acme"));
 }
 
+TEST(BlobStore, CountsWhatEachOwnerHas) {
+  const Folder folder;
+  const std::string acme = owner_key("acme");
+  std::string blob;
+  {
+    const auto store = open_file_blob_store(folder.path());
+    const std::int64_t room = store->free_bytes();
+    const std::string one = store->start_upload(5, "", acme).id;
+    store->start_upload(std::int64_t{1} << 50, "", "");
+    EXPECT_LT(store->free_bytes(), std::max<std::int64_t>(1, room - (std::int64_t{1} << 49)));
+    EXPECT_EQ(store->usage(acme).announced, 5);
+    store->write_upload(one, 0, "fo");
+    EXPECT_EQ(store->usage(acme).announced, 5);
+    blob = store->write_upload(one, 2, "und").blob->id;
+    store->start_upload(7, "", acme);
+  }
+  const auto store = open_file_blob_store(folder.path());
+  EXPECT_EQ(store->usage(acme).stored, 5);
+  EXPECT_EQ(store->usage(acme).announced, 7);
+  EXPECT_EQ(store->usage(acme).uploads, 1);
+  EXPECT_EQ(store->usage("nobody").stored, 0);
+  store->remove(blob);
+  store->drop_uploads_idle_since(std::chrono::system_clock::now() + std::chrono::hours(1));
+  EXPECT_EQ(store->usage(acme).stored, 0);
+  EXPECT_EQ(store->usage(acme).announced, 0);
+  EXPECT_EQ(store->usage(acme).uploads, 0);
+  EXPECT_GT(store->free_bytes(), 0);
+}
+
 // The sweep and a writer want the same two locks.
 TEST(BlobStore, SweepsWhileUploadsEnd) {
   const Folder folder;

@@ -34,6 +34,8 @@ void ServerFixture::start(TestOptions options) {
   wire.listen = {"unix:" + folder_ + "/socket"};
   if (!options.listen.empty()) wire.listen.push_back(options.listen);
   wire.max_connections = options.max_connections;
+  wire.max_transfers = options.max_transfers;
+  wire.stall_seconds = options.stall_seconds;
   wire.limits = options.limits;
   server_ = std::make_unique<Server>(wire, Server::CallWatchers(), *gate_, *desk_, *blobs_);
   channel_ = grpc::CreateChannel(server_->addresses().front(), grpc::InsecureChannelCredentials());

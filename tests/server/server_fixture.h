@@ -25,6 +25,8 @@ struct TestOptions {
   std::string auth_file;
   std::string listen;  // besides the Unix socket; empty: nowhere
   int max_connections = 1000;
+  int max_transfers = 1000;
+  double stall_seconds = 120;
 };
 
 class ServerFixture : public testing::Test {
