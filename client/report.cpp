@@ -32,6 +32,7 @@ json to_json(const v1::PatchStatistics& p) {
          {"scaled_jacobian", to_json(p.jacobian())}};
   if (p.layers_wished() > 0)
     j["layers"] = {{"wished", p.layers_wished()},
+                   {"count", p.layers()},
                    {"first_height_wished", p.first_height_wished()},
                    {"first_height_mean", p.first_height_mean()},
                    {"thickness_fraction_mean", p.thickness_fraction_mean()},
@@ -124,8 +125,8 @@ std::string summary(const v1::Job& job) {
        q.layers().mean(), q.rest().min(), q.rest().mean());
   for (const auto& p : q.patches())
     if (p.layers_wished() > 0)
-      line("layers     %-16s %2d on %5.1f %% of the area, first height %.4g of %.4g, thickness %3.0f %%", p.name().c_str(),
-           p.layers_wished(), 100 * p.coverage(), p.first_height_mean(), p.first_height_wished(), 100 * p.thickness_fraction_mean());
+      line("layers     %-16s %2d on %5.1f %% of the area, first height %.4g of %.4g, thickness %3.0f %%", p.name().c_str(), p.layers(),
+           100 * p.coverage(), p.first_height_mean(), p.first_height_wished(), 100 * p.thickness_fraction_mean());
   line("rung       %s, %lld notes", rung_name(job.rung()).c_str(), number(job.adjustments_total()));
   line("time       %.2f s, %.2f CPU s, %.0f MB, %d threads", job.usage().wall_seconds(), job.usage().cpu_seconds(),
        1e-6 * static_cast<double>(job.usage().peak_memory_bytes()), job.threads());

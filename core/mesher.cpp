@@ -74,6 +74,7 @@ void add_layer_statistics(Quality& quality, const std::vector<PatchLayers>& laye
     for (PatchStatistics& p : quality.patches) {
       if (p.name != surface.patch_names[l.patch]) continue;
       p.layers_wished = l.wished.count;
+      p.layers = l.count;
       p.first_height_wished = l.wished.first_height / surface.frame.scale;
       p.first_height_mean = l.first_height_mean / surface.frame.scale;
       p.thickness_fraction_mean = l.thickness_fraction_mean;

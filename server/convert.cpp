@@ -58,6 +58,7 @@ void fill(const PatchStatistics& from, v1::PatchStatistics& to) {
   to.set_area(from.area);
   fill(from.jacobian, *to.mutable_jacobian());
   to.set_layers_wished(from.layers_wished);
+  to.set_layers(from.layers);
   to.set_first_height_wished(from.first_height_wished);
   to.set_first_height_mean(from.first_height_mean);
   to.set_thickness_fraction_mean(from.thickness_fraction_mean);

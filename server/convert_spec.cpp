@@ -145,6 +145,7 @@ LayerSpec layer_of(const v1::LayerSpec& wire, const std::string& path) {
   layer.blending = blending_of(wire.blending(), path + ".blending");
   layer.blending_count = wire.blending_count();
   for (int i = 0; i < wire.give_up_size(); ++i) layer.give_up.push_back(give_up_of(wire.give_up(i), indexed(path + ".give_up", i)));
+  if (wire.has_minimum_count()) layer.minimum_count = wire.minimum_count();
   return layer;
 }
 
@@ -261,6 +262,7 @@ void fill(const LayerSpec& layer, v1::LayerSpec& wire) {
   wire.set_blending(to_wire(layer.blending));
   wire.set_blending_count(layer.blending_count);
   for (const GiveUp choice : layer.give_up) wire.add_give_up(to_wire(choice));
+  wire.set_minimum_count(layer.minimum_count);
 }
 
 }  // namespace

@@ -272,7 +272,8 @@ void read_layer(const At& at, v1::LayerSpec& layer) {
           {"neighbours", [&](const At& a) { each(a, read_neighbour); }},
           {"side", [&](const At& a) { read_side(a, layer); }},
           {"blending", [&](const At& a) { read_blending(a, layer); }},
-          {"give_up", [&](const At& a) { each(a, [&](const At& g) { layer.add_give_up(word_of(g, kGiveUps)); }); }}},
+          {"give_up", [&](const At& a) { each(a, [&](const At& g) { layer.add_give_up(word_of(g, kGiveUps)); }); }},
+          {"minimum_count", [&](const At& a) { layer.set_minimum_count(small_number(a)); }}},
          {"patches"});
 }
 

@@ -33,6 +33,7 @@ std::string_view reason_name(Reason reason) {
     case Reason::SurfaceFitRelaxed: return "SURFACE_FIT_RELAXED";
     case Reason::TopologyChanged: return "TOPOLOGY_CHANGED";
     case Reason::LayersThinned: return "LAYERS_THINNED";
+    case Reason::LayersFewer: return "LAYERS_FEWER";
     case Reason::LayersDropped: return "LAYERS_DROPPED";
     case Reason::EndingChanged: return "ENDING_CHANGED";
     case Reason::QualityBelowGoal: return "QUALITY_BELOW_GOAL";

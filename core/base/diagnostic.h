@@ -46,6 +46,7 @@ enum class Reason {
   SurfaceFitRelaxed,
   TopologyChanged,
   LayersThinned,
+  LayersFewer,
   LayersDropped,
   EndingChanged,
   QualityBelowGoal,

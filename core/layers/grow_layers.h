@@ -18,6 +18,7 @@ class Context;
 struct PatchLayers {
   PatchId patch;
   ResolvedLayers wished;
+  int count = 0;                       // of layers delivered; blending not counted
   double first_height_mean = 0;
   double thickness_fraction_mean = 0;  // delivered / wished
   double thickness_fraction_min = 0;

@@ -28,6 +28,14 @@ constexpr double kLeastQuality = 0.12;    // scaled Jacobian that physical layer
 constexpr double kGoodQuality = 0.35;     // and that blending may cost
 constexpr double kShort = 0.97;           // of its wish: columns under it draw their neighbours down
 
+constexpr double kNearlyAll = 0.95;       // of the columns must have room when layers are given up
+
+// Is `a` to be given up before `b`? What is not named is not given up.
+bool before(const std::vector<GiveUp>& order, GiveUp a, GiveUp b) {
+  const auto at = [&](GiveUp what) { return std::find(order.begin(), order.end(), what); };
+  return at(a) < at(b);
+}
+
 double wish_of(const GrowingSheet& sheet, std::size_t c, Reach reach) {
   return reach == Reach::Full ? sheet.thickness[c] : std::min(sheet.needed[c], sheet.thickness[c]);
 }
@@ -150,7 +158,7 @@ void Grower::forget_room_on_strips(GroupSheet& sheet) const {
 }
 
 // The law of each column and the thickness it leads to.
-void Grower::decide_law(GroupSheet& sheet) const {
+void Grower::decide_law(GroupSheet& sheet) {
   const LayerGroup& group = plan.groups[static_cast<std::size_t>(sheet.group)];
   const std::vector<FacetIndex> wall = wall_of_group(mesh, plan, sheet.group, widened_);
   GrowingSheet& g = sheet.growing;
@@ -163,7 +171,7 @@ void Grower::decide_law(GroupSheet& sheet) const {
     law.first_height = foot.first_height;
     if (foot.front == kNoFront) continue;
     const LayerSpec& entry = entry_of(foot.front);
-    law.give_up_growth_first = !entry.give_up.empty() && entry.give_up.front() == GiveUp::Growth;
+    law.give_up_growth_first = before(entry.give_up, GiveUp::Growth, GiveUp::FirstHeight);
   }
   const LayerSpec& entry = entry_of(group.fronts.front());
   sheet.blending = 0;
@@ -182,6 +190,7 @@ void Grower::decide_law(GroupSheet& sheet) const {
     sheet.measured = g.columns;
     sheet.room = room_at(mesh, g.columns, g.feet, sheet.laws, request_.ground.surface(), request_.locator);
     forget_room_on_strips(sheet);
+    if (give_up_layers(sheet)) return decide_law(sheet);
   }
   g.thickness.resize(g.feet.size());
   for (std::size_t c = 0; c < g.thickness.size(); ++c) {
@@ -199,6 +208,35 @@ void Grower::decide_law(GroupSheet& sheet) const {
     g.first[c] = sheet.laws[c].first_height * fit;
     g.physical[c] = sheet.blending > 0 ? physical_thickness(sheet.laws[c]) * fit : std::numeric_limits<double>::infinity();
   }
+}
+
+bool Grower::give_up_layers(const GroupSheet& sheet) {
+  LayerGroup& group = plan.groups[static_cast<std::size_t>(sheet.group)];
+  const LayerSpec& entry = entry_of(group.fronts.front());
+  if (!before(entry.give_up, GiveUp::Count, GiveUp::FirstHeight)) return false;
+  std::vector<ColumnLaw> laws = sheet.laws;
+  if (before(entry.give_up, GiveUp::Growth, GiveUp::Count))
+    for (ColumnLaw& law : laws) law.growth = std::min(law.growth, 1.0);
+  const int asked = group.count;
+  group.count = count_that_fits(laws, sheet.room, std::min(entry.minimum_count, asked), kNearlyAll);
+  if (group.count == asked) return false;
+  const Surface& surface = request_.ground.surface();
+  IdMap<PatchId, Box> box(surface.patch_names.size());
+  for (FacetIndex f : wall_of_group(mesh, plan, sheet.group, widened_))
+    for (VertexId v : mesh.quads[quad_of(f)]) box[mesh.patch[quad_of(f)]].add(surface.frame.to_input(mesh.position[v]));
+  for (PatchId p : box.ids()) {
+    if (box[p].empty() || request_.wishes[p].entry < 0) continue;
+    Diagnostic d;
+    d.reason = Reason::LayersFewer;
+    d.severity = Severity::Warning;
+    d.patch = surface.patch_names[p];
+    d.box = box[p];
+    d.values = {{"count", group.count}, {"wished", asked}};
+    d.message = "patch \"" + d.patch + "\" has " + std::to_string(group.count) + " of the " + std::to_string(asked) +
+                " layers wished: there is no room for more, and the count was to be given up";
+    plan.changed.push_back(std::move(d));
+  }
+  return true;
 }
 
 void Grower::open() {

@@ -63,7 +63,9 @@ class Grower {
  private:
   bool widen(const std::vector<VertexId>& pinches, std::int32_t group);
   void measure_feet(GroupSheet& sheet) const;
-  void decide_law(GroupSheet& sheet) const;
+  void decide_law(GroupSheet& sheet);
+  // Gives up layers of the sheet's group, where its entry says so, until the rest fits nearly everywhere. False: nothing changed.
+  bool give_up_layers(const GroupSheet& sheet);
   void forget_room_on_strips(GroupSheet& sheet) const;
   std::vector<std::vector<double>> hold_back(Reach reach, double growth);
   [[nodiscard]] const LayerSpec& entry_of(FrontIndex front) const;

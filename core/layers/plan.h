@@ -42,7 +42,7 @@ struct LayerGroup {
 struct LayerPlan {
   std::vector<std::int32_t> group_of_front;    // by FrontIndex; -1: no layers
   std::vector<LayerGroup> groups;              // in order of insertion
-  std::vector<Diagnostic> changed;             // EndingChanged
+  std::vector<Diagnostic> changed;             // EndingChanged, LayersFewer
   // Fronts of groups that were to end in wedges where the quads do not allow it: a fresh row (border_row.h) would.
   std::vector<std::vector<FrontIndex>> want_row;
 };

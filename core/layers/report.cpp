@@ -26,6 +26,13 @@ double first_height(const HexMesh& mesh, const FaceNeighbour& at, const QuadVert
   return 0.25 * sum;
 }
 
+// Of the thickness of all layers wished, what the first `count` of them have.
+double share_of_thickness(ResolvedLayers law, int count) {
+  const double wished = law.total();
+  law.count = std::min(law.count, count);
+  return law.total() / wished;
+}
+
 std::string percent(double x) { return std::to_string(static_cast<int>(std::lround(100 * x))) + " %"; }
 
 }  // namespace
@@ -33,6 +40,7 @@ std::string percent(double x) { return std::to_string(static_cast<int>(std::lrou
 std::vector<PatchLayers> report_patches(const HexMesh& mesh, const GrownWall& wall, const IdMap<PatchId, PatchWish>& wishes) {
   struct Sums {
     double area = 0, covered = 0, height = 0, height_area = 0, fraction = 0, fraction_area = 0, least = 1;
+    int count = 0;
   };
   IdMap<PatchId, Sums> sums(wishes.size());
   const Facets facets(mesh);
@@ -49,8 +57,9 @@ std::vector<PatchLayers> report_patches(const HexMesh& mesh, const GrownWall& wa
     const FaceNeighbour at = facets.hex_face(f);
     if (mesh.layer[at.hex] == 0) continue;
     s.covered += area;
-    const auto group = static_cast<std::size_t>(wall.plan->group_of_front[static_cast<std::size_t>(front)]);
-    const std::vector<VertexId>& wedge = wall.plan->groups[group].wedge_vertices;
+    const LayerGroup& group = wall.plan->groups[static_cast<std::size_t>(wall.plan->group_of_front[static_cast<std::size_t>(front)])];
+    const std::vector<VertexId>& wedge = group.wedge_vertices;
+    s.count = group.count;
     double fraction = 0;
     int columns = 0, tips = 0;
     for (VertexId v : base) {
@@ -58,7 +67,7 @@ std::vector<PatchLayers> report_patches(const HexMesh& mesh, const GrownWall& wa
       if (wall.fraction[v] >= 0) fraction += wall.fraction[v], ++columns;
     }
     if (columns > 0) {
-      fraction /= columns;
+      fraction *= share_of_thickness(wishes[patch].law, group.count) / columns;
       s.fraction += area * fraction;
       s.fraction_area += area;
       s.least = std::min(s.least, fraction);
@@ -74,6 +83,7 @@ std::vector<PatchLayers> report_patches(const HexMesh& mesh, const GrownWall& wa
     PatchLayers layers;
     layers.patch = p;
     layers.wished = wishes[p].law;
+    layers.count = s.count;
     layers.first_height_mean = s.height_area > 0 ? s.height / s.height_area : 0;
     layers.thickness_fraction_mean = s.fraction_area > 0 ? s.fraction / s.fraction_area : 0;
     layers.thickness_fraction_min = s.fraction_area > 0 ? s.least : 0;

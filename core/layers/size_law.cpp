@@ -51,6 +51,25 @@ double least_thickness(const ColumnLaw& law) {
   return physical_thickness(law) + geometric_sum(last_height(law) * kLeastBlendingRatio, kLeastBlendingRatio, law.blending);
 }
 
+int count_that_fits(std::span<const ColumnLaw> laws, std::span<const double> room, int least, double share) {
+  if (laws.empty()) return least;
+  const auto fits = [&](int count) {
+    std::size_t fitting = 0;
+    for (std::size_t c = 0; c < laws.size(); ++c) {
+      ColumnLaw law = laws[c];
+      law.count = count;
+      if (least_thickness(law) <= room[c]) ++fitting;
+    }
+    return static_cast<double>(fitting) >= share * static_cast<double>(laws.size());
+  };
+  int good = least, bad = laws.front().count + 1;
+  while (bad - good > 1) {
+    const int middle = (good + bad) / 2;
+    (fits(middle) ? good : bad) = middle;
+  }
+  return good;
+}
+
 double column_fractions(const ColumnLaw& law, double thickness, std::span<double> levels) {
   const double wished = physical_thickness(law);
   double h = law.first_height, growth = law.growth;

@@ -24,6 +24,10 @@ int blending_layers(const ColumnLaw& law, double size);
 // Thickness the column would like: the physical layers and blending up to half of `size`.
 double wished_thickness(const ColumnLaw& law, double size);
 
+// The largest count, up to those the laws have and down to `least`, with which at least `share` of the columns have room; `room` is the
+// thickness of each.
+int count_that_fits(std::span<const ColumnLaw> laws, std::span<const double> room, int least, double share);
+
 // Thickness under which the physical layers would have to shrink: they and the thinnest blending that is of use.
 double least_thickness(const ColumnLaw& law);
 

@@ -31,6 +31,7 @@ struct PatchStatistics {
   JacobianStatistics jacobian;       // hexes touching the patch with a quad
   // layers, when asked for on this patch
   int layers_wished = 0;
+  int layers = 0;                    // delivered
   double first_height_wished = 0;    // input units
   double first_height_mean = 0;      // delivered
   double thickness_fraction_mean = 0;  // delivered / wished total thickness, area-weighted

@@ -240,6 +240,8 @@ void check_layer(const LayerSpec& layer, const std::string& field, Checker& chec
     if (std::find(layer.give_up.begin(), layer.give_up.begin() + static_cast<std::ptrdiff_t>(i), layer.give_up[i]) !=
         layer.give_up.begin() + static_cast<std::ptrdiff_t>(i))
       check.fault(Reason::SpecInvalid, at(field + ".give_up", i), "is named twice");
+  check.at_least(field + ".minimum_count", layer.minimum_count, 1);
+  if (const int count = layer.count.value_or(kMostLayers); count > 0) check.at_most(field + ".minimum_count", layer.minimum_count, count);
 }
 
 // Entries for different sides of an interface may name the same patch.

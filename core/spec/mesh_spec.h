@@ -93,6 +93,7 @@ struct LayerSpec {
   Blending blending = Blending::Auto;
   int blending_count = 0;             // with Blending::Count
   std::vector<GiveUp> give_up;        // order; empty: keep the count, shrink the heights
+  int minimum_count = 1;              // layers that Count leaves at least
 };
 
 struct MeshSpec {

@@ -14,6 +14,7 @@ void expect_layers_as_wished(const Outcome& outcome, const std::vector<std::stri
   for (const std::string& name : patches) {
     const PatchStatistics& p = patch(outcome, name);
     EXPECT_EQ(p.layers_wished, count) << name;
+    EXPECT_EQ(p.layers, count) << name;
     EXPECT_NEAR(p.first_height_wished, first_height, 1e-9 * first_height) << name;
     EXPECT_NEAR(p.first_height_mean, first_height, kHeightTolerance * first_height) << name;
     EXPECT_GT(p.coverage, 0.999) << name;
@@ -101,6 +102,29 @@ TEST(FlowLayers, ThatFindNoRoomAreThinnedAndSaidToBe) {
   EXPECT_TRUE(std::any_of(outcome.adjustments.begin(), outcome.adjustments.end(),
                           [](const Diagnostic& d) { return d.reason == Reason::LayersThinned || d.reason == Reason::LayersDropped; }));
   EXPECT_LT(patch(outcome, "z_min").thickness_fraction_mean, 0.9);
+}
+
+// A slab leaves each wall three and a half tenths of its thickness.
+TEST(FlowLayers, GiveUpTheirCountWhereToldAndKeepTheirHeights) {
+  TriangleSoup slab = cube(4);
+  for (Vec3& p : slab.points) p.z() *= 0.2;
+  LayerSpec layers = layers_of({"z_min", "z_max"}, 12, 0.01);
+  const Outcome shrunk = run(slab, with_layers(sized(0.05), layers));
+  EXPECT_LT(patch(shrunk, "z_min").first_height_mean, 0.5 * 0.01);
+  layers.give_up = {GiveUp::Count, GiveUp::Growth};
+  const Outcome outcome = run(slab, with_layers(sized(0.05), layers));
+  expect_sound(outcome);
+  const PatchStatistics& p = patch(outcome, "z_min");
+  EXPECT_EQ(p.layers_wished, 12);
+  EXPECT_LT(p.layers, 8);
+  EXPECT_GT(p.layers, 3);
+  EXPECT_EQ(p.layers, layers_counted(outcome));
+  EXPECT_NEAR(p.first_height_mean, 0.01, kHeightTolerance * 0.01);
+  EXPECT_LT(p.thickness_fraction_mean, 0.5);
+  EXPECT_TRUE(std::any_of(outcome.adjustments.begin(), outcome.adjustments.end(),
+                          [](const Diagnostic& d) { return d.reason == Reason::LayersFewer && d.patch == "z_min"; }));
+  layers.minimum_count = 9;
+  EXPECT_EQ(patch(run(slab, with_layers(sized(0.05), layers)), "z_min").layers, 9);
 }
 
 TEST(FlowLayers, OfCountZeroChangeNothing) {

@@ -28,7 +28,7 @@ constexpr const char* kGood = R"({
              "min_level": 3, "max_level": 9, "gradation": 1.5, "max_cells": 100000},
   "features": {"ridge_angle_deg": 30, "sharp_edges": "fillet"},
   "layers": [{"patches": ["*"], "count": 3, "first_height": 0.01, "growth": 1.2, "ending": "auto", "side": 1, "blending": 3,
-              "neighbours": [{"patches": ["*"], "ending": "regular"}], "give_up": ["count"]}]})";
+              "neighbours": [{"patches": ["*"], "ending": "regular"}], "give_up": ["count"], "minimum_count": 2}]})";
 
 // Any value of these is one.
 const std::set<std::string> kAnything = {"seed", "layers[0].relative"};

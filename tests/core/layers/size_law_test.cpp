@@ -49,6 +49,26 @@ TEST(SizeLaw, GivesUpGrowthFirstWhenTold) {
   for (double x : thinner) EXPECT_NEAR(x, 0.005, 1e-9);
 }
 
+TEST(SizeLaw, TheCountThatFitsLeavesRoomInNearlyAllColumns) {
+  const ColumnLaw law{0.01, 1.2, 8, 0, false};
+  const auto thickness_of = [&](int count) {
+    ColumnLaw less = law;
+    less.count = count;
+    return physical_thickness(less);
+  };
+  std::vector<ColumnLaw> laws(100, law);
+  std::vector<double> room(100, 1.0);
+  EXPECT_EQ(count_that_fits(laws, room, 1, 0.95), 8);
+  std::fill_n(room.begin(), 5, 0.5 * law.first_height);  // few enough
+  EXPECT_EQ(count_that_fits(laws, room, 1, 0.95), 8);
+  room[5] = 1.001 * thickness_of(3);
+  EXPECT_EQ(count_that_fits(laws, room, 1, 0.95), 3);
+  EXPECT_EQ(count_that_fits(laws, room, 5, 0.95), 5);
+  std::fill(room.begin(), room.end(), 0.5 * law.first_height);
+  EXPECT_EQ(count_that_fits(laws, room, 1, 0.95), 1);
+  EXPECT_EQ(count_that_fits({}, {}, 2, 0.95), 2);
+}
+
 TEST(SizeLaw, LevelsRiseAndEndAtOne) {
   for (int count : {1, 2, 7})
     for (int blending : {0, 1, 5})
