@@ -9,6 +9,7 @@ namespace strata {
 namespace {
 
 constexpr double kReach = 2.0;        // a corner's vertex is sought within so many local edge lengths
+constexpr double kFarReach = 6.0;     // where there is none: the cells end so far short of the tip of a spike
 constexpr double kSpareWeight = 0.15; // an edge that no route needs, against an edge length of distance
 constexpr double kMissingWeight = 1;  // a route without an edge of its own
 constexpr double kTurnWeight = 0.25;  // mean square of the angle between routes and their edges
@@ -163,15 +164,21 @@ class CornerMatcher {
   }
 
   void choose(CornerId c) {
+    choose_within(c, kReach);
+    if (!m_.corner_vertex[c].valid()) choose_within(c, kFarReach);
+    if (m_.corner_vertex[c].valid()) m_.corner_at[m_.corner_vertex[c]] = c;
+  }
+
+  void choose_within(CornerId c, double reach) {
     const Vec3 p = place(c);
     const VertexId nearest = m_.tree.nearest(p);
     if (!nearest.valid()) return;
     double best_cost = std::numeric_limits<double>::infinity();
     std::vector<End> ends;
     std::vector<std::pair<double, std::int32_t>> edges;
-    for (VertexId v : m_.tree.within(p, kReach * 1.5 * m_.size[nearest])) {
+    for (VertexId v : m_.tree.within(p, reach * 1.5 * m_.size[nearest])) {
       const double d = (m_.mesh.position[v] - p).norm() / m_.size[v];
-      if (d > kReach || d > best_cost || m_.corner_at[v].valid()) continue;
+      if (d > reach || d > best_cost || m_.corner_at[v].valid()) continue;
       const auto spare = static_cast<int>(m_.skin.edges_round(v).size()) - static_cast<int>(ends_[c].size());
       double cost = d + (spare < 0 ? kMissingWeight * -spare : kSpareWeight * std::min(spare, 3));
       if (nearer_to_other(c, p, v)) cost += kNearerToOther;
@@ -181,7 +188,6 @@ class CornerMatcher {
       best_cost = cost;
       m_.corner_vertex[c] = v;
     }
-    if (m_.corner_vertex[c].valid()) m_.corner_at[m_.corner_vertex[c]] = c;
   }
 
   void reserve(CornerId c) {

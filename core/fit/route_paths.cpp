@@ -21,10 +21,12 @@ constexpr double kEvictWeight = 4;       // edge lengths, for a vertex of anothe
 constexpr double kShortcut = 0.6;        // a path shorter than this share of its curve is a shortcut and gets an anchor
 constexpr int kMaxSplits = 12;           // anchors against shortcuts
 constexpr int kMaxFights = 6;            // times that a route may move others aside
-constexpr double kAnchorReach = 2.0;     // an anchor is sought within so many local edge lengths
-constexpr std::size_t kStarts = 6;       // vertices that a closed path is tried from, at each of kStartPlaces along the curve
+constexpr int kSharedEdges = 3;  // of another route's path from the corner, that a route may share at a corner without an edge for it
+constexpr double kSharedWeight = 2;  // of their length
+constexpr double kAnchorReach = 2.0;  // an anchor is sought within so many local edge lengths
+constexpr std::size_t kStarts = 6;  // vertices that a closed path is tried from, at each of kStartPlaces along the curve
 constexpr int kStartPlaces = 3;
-constexpr int kZones = 3;                // of a closed curve; a path passes them in order, so that it goes round once
+constexpr int kZones = 3;  // of a closed curve; a path passes them in order, so that it goes round once
 
 struct Way {
   double reach = kReach;
@@ -54,16 +56,21 @@ class Router {
       }
       attempt(r, {kWideReach, true, false});
     }
+    join_others();
   }
 
  private:
   struct State {
     double cost = 0;
     std::int32_t from = -1;
-    std::uint32_t epoch = 0;   // of cost and from
-    std::uint32_t seen = 0;    // of offset, tangent
+    std::uint32_t epoch = 0;  // of cost and from
+    std::uint32_t seen = 0;  // of offset, tangent
     Vec3 offset = Vec3::Zero(), tangent = Vec3::Zero();  // from the curve
-    double arc = 0;            // along the curve
+    double arc = 0;  // along the curve
+  };
+  struct Branch {  // where a path may begin: at its corner or, where that has no edge left, on the path of another route that leaves there
+    VertexId at;
+    double cost = 0;
   };
   struct Piece {  // of a route between two arc lengths
     Port start, goal;
@@ -142,6 +149,85 @@ class Router {
       }
     }
     return std::nullopt;
+  }
+
+  // The vertex of the route's end and, along the paths of others that leave there, those next to it.
+  [[nodiscard]] std::vector<Branch> branches(VertexId corner) const {
+    std::vector<Branch> result{{corner, 0}};
+    for (std::int32_t first : m_.skin.edges_round(corner)) {
+      const std::int32_t other = m_.route_of_edge[static_cast<std::size_t>(first)];
+      if (other < 0) continue;
+      Branch branch{corner, 0};
+      for (std::int32_t e = first, shared = 0; e >= 0 && shared < kSharedEdges; ++shared) {
+        const VertexId from = branch.at;
+        branch.at = m_.skin.other_end(e, from);
+        if (m_.corner_at[branch.at].valid() || m_.route_at[branch.at] != other) break;
+        branch.cost += kSharedWeight * (m_.mesh.position[branch.at] - m_.mesh.position[from]).norm();
+        result.push_back(branch);
+        const std::int32_t last = e;
+        e = -1;
+        for (std::int32_t next : m_.skin.edges_round(branch.at))
+          if (next != last && m_.route_of_edge[static_cast<std::size_t>(next)] == other) e = next;
+      }
+    }
+    return result;
+  }
+
+  // A way from one of the branches to another of the branches of the other end, over vertices and edges that are nobody's.
+  std::optional<std::vector<std::int32_t>> shortest_between(const std::vector<Branch>& starts, const std::vector<Branch>& goals,
+                                                            const Way& way) {
+    ++epoch_;
+    using Item = std::pair<double, std::int32_t>;
+    std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
+    const auto branch_at = [](const std::vector<Branch>& branches, VertexId v) {
+      return std::find_if(branches.begin(), branches.end(), [&](const Branch& b) { return b.at == v; });
+    };
+    for (const Branch& b : starts) {
+      State& origin = located(b.at);
+      origin.cost = b.cost;
+      origin.from = -1;
+      origin.epoch = epoch_;
+      queue.emplace(b.cost, b.at.value);
+    }
+    struct {
+      double cost = std::numeric_limits<double>::infinity();
+      VertexId from;
+      std::int32_t edge = -1;
+    } best;
+    while (!queue.empty() && queue.top().first < best.cost) {
+      const auto [cost, at] = queue.top();
+      queue.pop();
+      const VertexId v(at);
+      if (cost > state_[v].cost) continue;
+      for (std::int32_t e : m_.skin.edges_round(v)) {
+        const VertexId u = m_.skin.other_end(e, v);
+        if (m_.route_of_edge[static_cast<std::size_t>(e)] >= 0 || branch_at(starts, u) != starts.end()) continue;
+        const auto goal = branch_at(goals, u);
+        if (goal == goals.end() && !may_step(u, e, {}, way)) continue;
+        const double next = cost + weight(v, u, way) + (goal == goals.end() ? 0 : goal->cost);
+        if (!(next < best.cost)) continue;
+        if (goal != goals.end()) {
+          best = {next, v, e};
+          continue;
+        }
+        State& s = state_[u];
+        if (s.epoch == epoch_ && next >= s.cost) continue;
+        s.cost = next;
+        s.from = e;
+        s.epoch = epoch_;
+        queue.emplace(next, u.value);
+      }
+    }
+    if (best.edge < 0) return std::nullopt;
+    std::vector<std::int32_t> path;
+    VertexId v = best.from;
+    while (state_[v].from >= 0) {
+      path.push_back(state_[v].from);
+      v = m_.skin.other_end(path.back(), v);
+    }
+    std::reverse(path.begin(), path.end());
+    path.push_back(best.edge);
+    return path;
   }
 
   [[nodiscard]] std::vector<std::int32_t> walk_back(VertexId start, VertexId v) const {
@@ -279,6 +365,9 @@ class Router {
       take(edge.a);
       take(edge.b);
     }
+    return take_edges(path);
+  }
+  bool take_edges(const std::vector<std::int32_t>& path) {
     for (std::int32_t e : path) {
       m_.route_of_edge[static_cast<std::size_t>(e)] = r_;
       m_.path[static_cast<std::size_t>(r_)].push_back(e);
@@ -296,9 +385,7 @@ class Router {
     m_.path[static_cast<std::size_t>(r)].clear();
   }
 
-  // All pieces or nothing; a piece whose path cuts short is halved. Who was moved aside is in evicted_ (also after a failure, which
-  // gives their places back).
-  bool attempt(std::int32_t r, const Way& way) {
+  void begin(std::int32_t r) {
     r_ = r;
     ++route_epoch_;
     hint_ = -1;
@@ -308,6 +395,12 @@ class Router {
     arcs_.assign(1, 0.0);
     for (std::size_t i = 0; i + 1 < route().points.size(); ++i)
       arcs_.push_back(arcs_.back() + (route().points[i + 1] - route().points[i]).norm());
+  }
+
+  // All pieces or nothing; a piece whose path cuts short is halved. Who was moved aside is in evicted_ (also after a failure, which
+  // gives their places back).
+  bool attempt(std::int32_t r, const Way& way) {
+    begin(r);
     if (route().closed) return take_path(closed_path(way));
     const auto& [first, last] = m_.ports[static_cast<std::size_t>(r)];
     if (!first.vertex.valid() || !last.vertex.valid()) return false;
@@ -350,6 +443,24 @@ class Router {
     return true;
   }
 
+  // Corners may have more curves than their vertex has edges. A curve that found no way from end to end shares the first edges of
+  // another's path. Nobody is moved aside any more: who is shared with stays.
+  void join_others() {
+    for (std::size_t r = 0; r < m_.plan.routes.size(); ++r) {
+      const auto& [first, last] = m_.ports[r];
+      if (!m_.path[r].empty() || m_.plan.routes[r].closed || !first.vertex.valid() || !last.vertex.valid()) continue;
+      begin(static_cast<std::int32_t>(r));
+      const auto found = shortest_between(branches(first.vertex), branches(last.vertex), {kWideReach, true, false});
+      if (!found || path_length(*found) < kShortcut * route().length) continue;
+      for (std::size_t i = 0; i + 1 < found->size(); ++i) {  // all vertices but the first and the last
+        const SkinEdge &a = m_.skin.edges()[static_cast<std::size_t>((*found)[i])],
+                       &b = m_.skin.edges()[static_cast<std::size_t>((*found)[i + 1])];
+        take(a.a == b.a || a.a == b.b ? a.a : a.b);
+      }
+      take_edges(*found);
+    }
+  }
+
   void restore(std::int32_t r, const std::vector<std::int32_t>& path) {
     m_.path[static_cast<std::size_t>(r)] = path;
     for (std::int32_t e : path) {
@@ -363,13 +474,13 @@ class Router {
   Matching& m_;
   IdMap<VertexId, State> state_;
   IdMap<VertexId, std::uint8_t> fought_;
-  std::vector<int> fights_;                // per route
+  std::vector<int> fights_;  // per route
   std::uint32_t epoch_ = 0, route_epoch_ = 0;
   std::int32_t r_ = -1, hint_ = -1;
-  std::vector<double> arcs_;               // of the route at hand: length up to each of its points
+  std::vector<double> arcs_;  // of the route at hand: length up to each of its points
   std::vector<std::int32_t> evicted_;
   std::vector<std::pair<std::int32_t, std::vector<std::int32_t>>> undo_;  // who was moved aside, and the paths they had
-  std::vector<VertexId> held_;             // by the attempt under way
+  std::vector<VertexId> held_;  // by the attempt under way
 };
 
 }  // namespace

@@ -125,6 +125,39 @@ TEST(MatchFeatures, ClosedCurvesOfACylinderAreHeldAllTheWayRound) {
   for (const auto& [v, n] : valence) EXPECT_EQ(n, 2);
 }
 
+// On a regular polygon of radius 1.
+TriangleSoup pyramid(std::int32_t sides, double height) {
+  TriangleSoup soup;
+  soup.points = {Vec3(0, 0, height), Vec3::Zero()};
+  for (std::int32_t i = 0; i < sides; ++i) {
+    soup.points.emplace_back(std::cos(2 * kPi * i / sides), std::sin(2 * kPi * i / sides), 0);
+    const std::int32_t a = 2 + i, b = 2 + (i + 1) % sides;
+    soup.triangles.push_back({0, a, b});
+    soup.triangles.push_back({1, b, a});
+  }
+  soup.patch_names = {"surface"};
+  soup.patch.assign(soup.triangles.size(), 0);
+  return soup;
+}
+
+TEST(MatchFeatures, ACornerOfMoreCurvesThanAVertexHasEdgesShowsThemAll) {
+  for (const double angle : {0.1, 0.5}) {
+    const Matched m = matched(test::rotated(pyramid(8, 1), Vec3(1, 2, 3).normalized(), angle), 20, {.ridge_angle = kPi / 7});
+    EXPECT_EQ(m.features->curves.size(), 16u);
+    EXPECT_TRUE(m.result.softened.empty());
+    EXPECT_EQ(curves_held(m), 16u);
+    EXPECT_EQ(corners_held(m), 9u);
+    expect_sound_labels(m);
+  }
+}
+
+TEST(MatchFeatures, TheCurvesOfASpikeAreHeldThoughTheCellsEndShortOfItsTip) {
+  const Matched m = matched(test::rotated(pyramid(3, 2), Vec3(1, 2, 3).normalized(), 0.5), 20);
+  EXPECT_TRUE(m.result.softened.empty());
+  EXPECT_EQ(curves_held(m), 6u);
+  EXPECT_EQ(corners_held(m), 4u);
+}
+
 TEST(MatchFeatures, TheTipOfAConeIsACornerOfTheMesh) {
   const Matched m = matched(test::cone(), 10);
   EXPECT_TRUE(m.result.softened.empty());
