@@ -9,6 +9,7 @@
 
 #include "core/base/parallel.h"
 #include "core/fit/fit.h"
+#include "core/fit/hidden_stretches.h"
 #include "core/fit/point_tree.h"
 #include "core/fit/skin.h"
 #include "core/quality/quality.h"
@@ -33,6 +34,7 @@ constexpr double kShort = 2;         // local edges: shorter curves may go
 constexpr double kLong = 8;          // local edges: a curve between two charts so long is no noise
 constexpr double kFaint = std::numbers::pi / 3;
 constexpr double kApart = 0.35;      // local edges: of curves nearer to each other one would still be lost
+constexpr double kShortestStretch = 0.5;  // local edges, that is worth finer cells
 constexpr double kBall = 1.5;        // local edges
 constexpr double kMoreQuads = 0.35;  // of the mesh's, at most
 constexpr double kQuadsPerEdge = 9;  // more, for each edge of a refined curve: three quads beside it become twelve
@@ -40,13 +42,11 @@ constexpr double kQuadsPerBall = 27;
 
 double turn_of(const Curve& curve) { return std::abs(std::numbers::pi - curve.dihedral_mean); }
 
-// Whether cells half as large could tell the curve from the others.
-bool stands_apart(CurveId c, const Ground& ground, double least) {
-  const auto& curves = ground.features().curves;
-  const std::vector<PointId>& points = curves[c].points;
-  const std::size_t half = points.size() / 2;
-  const Vec3 p = 0.5 * (ground.surface().points[points[half]] + ground.surface().points[points[half - 1]]);
-  for (CurveId other : curves.ids())
+// Whether cells half as large could tell a part of the curve from the others.
+bool stands_apart(CurveId c, const std::vector<Vec3>& line, const Ground& ground, double least) {
+  const std::size_t half = line.size() / 2;
+  const Vec3 p = 0.5 * (line[half] + line[half - 1]);
+  for (CurveId other : ground.features().curves.ids())
     if (other != c && (ground.project({Hold::Curve, other.value}, p).position - p).norm() < least) return false;
   return true;
 }
@@ -126,12 +126,15 @@ bool Merit::misses_thin_places() const { return missed > kMissedAtMost; }
 
 bool Merit::will_do() const { return lost <= kLostAtMost && worst >= kPoor; }
 
-Merit merit_of(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts) {
+Merit merit_of(const HexMesh& mesh, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts) {
   const auto& curves = ground.features().curves;
-  const auto length = [&](CurveId c) { return counts[c] != 0 ? curves[c].length : 0; };
+  const IdMap<CurveId, std::vector<Stretch>> hidden = hidden_stretches(mesh, ground);
   double lost = 0, whole = 0;
-  for (CurveId c : curves.ids()) whole += length(c);
-  for (CurveId c : shortfall.curves) lost += length(c);
+  for (CurveId c : curves.ids()) {
+    if (counts[c] == 0) continue;
+    whole += curves[c].length;
+    for (const Stretch& s : hidden[c]) lost += s.to - s.from;
+  }
   return {
       .missed = missed_share(mesh, ground.surface()), .lost = whole > 0 ? lost / whole : 0, .worst = std::min(kEnough, worst_corner(mesh))};
 }
@@ -161,21 +164,22 @@ FinerPlaces finer_places(const HexMesh& mesh, const Shortfall& shortfall, const 
     finer.balls.push_back({.shape = SizeSource::Shape::Sphere, .a = p, .radius = kBall * h, .size = kFiner * h});
   }
   const auto& curves = ground.features().curves;
+  const IdMap<CurveId, std::vector<Stretch>> hidden = hidden_stretches(mesh, ground);
   std::vector<CurveId> order;
-  for (CurveId c : shortfall.curves)
-    if (counts[c] != 0) order.push_back(c);
+  for (CurveId c : curves.ids())
+    if (counts[c] != 0 && !hidden[c].empty()) order.push_back(c);
   std::sort(order.begin(), order.end(),
             [&](CurveId a, CurveId b) { return std::make_tuple(-turn_of(curves[a]), a) < std::make_tuple(-turn_of(curves[b]), b); });
-  for (CurveId c : order) {
-    const Curve& curve = curves[c];
-    const auto& points = ground.surface().points;
-    double h = std::numeric_limits<double>::infinity();
-    for (PointId p : curve.points) h = std::min(h, size.at(points[p]));
-    if (!stands_apart(c, ground, kApart * h) || kQuadsPerEdge * curve.length / h > quads) continue;
-    quads -= kQuadsPerEdge * curve.length / h;
-    for (std::size_t i = 0; i + (curve.closed ? 0 : 1) < curve.points.size(); ++i)
-      finer.segments.push_back({points[curve.points[i]], points[curve.points[(i + 1) % curve.points.size()]], kFiner * h});
-  }
+  for (CurveId c : order)
+    for (const Stretch& stretch : hidden[c]) {
+      const std::vector<Vec3> line = points_along(stretch, curves[c], ground.surface());
+      double h = std::numeric_limits<double>::infinity();
+      for (const Vec3& p : line) h = std::min(h, size.at(p));
+      const double edges = (stretch.to - stretch.from) / h;
+      if (edges < kShortestStretch || !stands_apart(c, line, ground, kApart * h) || kQuadsPerEdge * edges > quads) continue;
+      quads -= kQuadsPerEdge * edges;
+      for (std::size_t i = 0; i + 1 < line.size(); ++i) finer.segments.push_back({line[i], line[i + 1], kFiner * h});
+    }
   return finer;
 }
 

@@ -11,7 +11,6 @@ namespace strata {
 
 // What a fit gave up. Working frame.
 struct Shortfall {
-  std::vector<CurveId> curves;  // that no edges represent, ascending; of the ground's features
   std::vector<Vec3> places;     // hexes that cost vertices their features or the surface
   int rounds = 0;               // of letting creases go that it took
 };
@@ -28,16 +27,16 @@ IdMap<CurveId, std::uint8_t> curves_that_count(const HexMesh& mesh, const Ground
 // How far a mesh is from what was asked of it.
 struct Merit {
   double missed = 0;  // share of the surface's area that is farther than a cell from the mesh
-  double lost = 0;  // share of the length of the curves that count, which is not shown
+  double lost = 0;  // share of the length of the curves that count, on which no edges stand
   double worst = 0;  // scaled Jacobian, as far as it counts
   [[nodiscard]] bool misses_thin_places() const;
   [[nodiscard]] bool will_do() const;  // as far as finer cells might help
 };
-Merit merit_of(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts);
+Merit merit_of(const HexMesh& mesh, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts);
 // Clearly, and in nothing clearly worse.
 bool is_better(const Merit& merit, const Merit& than);
 
-// Cells half as large along curves that count and are not shown, round hexes that cost something and round those that are poor. Empty where nothing falls short, or so much that cells would be
+// Cells half as large where curves that count are not shown, round hexes that cost something and round those that are poor. Empty where nothing falls short, or so much that cells would be
 // finer nearly everywhere: then the sizes asked for are too large as a whole.
 FinerPlaces finer_places(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts);
 

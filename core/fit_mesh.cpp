@@ -114,7 +114,7 @@ constexpr Promises kUnfitted{.labelled = false, .positive = false};
 // Features are fitted; what had to be given up costs a rung.
 Fitted fit_features_or_throw(const HexMesh& smooth, const Ground& ground, Rung& rung, Shortfall& shortfall, Context& context) {
   FeatureFit fit = fit_features(smooth, ground, context);
-  shortfall = {fit.softened, std::move(fit.result.places), fit.rounds};
+  shortfall = {std::move(fit.result.places), fit.rounds};
   report_softened(fit.softened, ground, context);
   if (!fit.softened.empty() || fit.result.let_go) fall_to(rung, Rung::FeaturesSoftened);
   if (fit.result.let_go) context.adjusted(std::move(*fit.result.let_go));
@@ -291,12 +291,12 @@ Carved carve_cells(const Asked& asked, SizeField sizes, bool thin_places) {
 FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
   FittedMesh best = attempt(asked, carve_cells(asked, sizes, false), false);
   const IdMap<CurveId, std::uint8_t> counts = curves_that_count(best.mesh, *best.ground);
-  best.merit = merit_of(best.mesh, best.shortfall, *best.ground, counts);
+  best.merit = merit_of(best.mesh, *best.ground, counts);
   const double most_hexes = kMostHexes * static_cast<double>(best.mesh.hexes.size());
   const auto improve = [&](const SizeField& at, bool with_thin_places) {
     std::optional<FittedMesh> next = attempt_again(asked, at, with_thin_places, most_hexes);
     if (!next || next->ground->features().curves.size() != counts.size()) return false;  // the latter: not of the same volume
-    next->merit = merit_of(next->mesh, next->shortfall, *next->ground, counts);
+    next->merit = merit_of(next->mesh, *next->ground, counts);
     if (!is_better(*next, best)) return false;
     if (&at != &sizes) report_refined(sizes, at, asked.surface, *next);
     best = std::move(*next);
