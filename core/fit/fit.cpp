@@ -1,9 +1,15 @@
 #include "core/fit/fit.h"
 
+#include <array>
+#include <cmath>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "core/base/context.h"
 #include "core/fit/own_side.h"
+#include "core/mesh/hex.h"
+#include "core/mesh/part.h"
 #include "core/optimise/optimise.h"
 
 namespace strata {
@@ -11,7 +17,10 @@ namespace {
 
 constexpr int kSmoothSweeps = 6;
 constexpr int kFeatureSweeps = 10;
-constexpr int kPolishRounds = 2;
+constexpr int kLateSweeps = 40;     // more where hexes have not found their shape: sheets inserted flat take long to open
+constexpr int kLateRings = 3;
+constexpr double kLateGoal = 0.25;  // shape of the corners, see poorest_shape
+constexpr int kPolishRounds = 4;
 constexpr double kPolishGoal = 0.4;      // scaled Jacobian the worst hexes are raised to, where possible
 constexpr double kHealthy = 0.05;  // the smooth fit goes towards the surface only as far as hexes stay so good: what follows needs room
 constexpr double kAcceptable = 0.02;  // projections never push a good hex below
@@ -22,6 +31,34 @@ OptimiseOptions feature_options() {
   options.power = 2;
   options.min_scaled_jacobian = kAcceptable;
   return options;
+}
+
+// The poorest corner's determinant over what a cube of its edges' mean square length would have: 1 for a cube, at most the scaled Jacobian,
+// and small for hexes that are flat or long, too.
+double poorest_shape(const std::array<Vec3, 8>& p) {
+  double worst = 1;
+  for (std::size_t c = 0; c < 8; ++c) {
+    const auto edge = [&](std::size_t k) -> Vec3 { return p[static_cast<std::size_t>(kHexCorners[c][k])] - p[c]; };
+    const Vec3 a = edge(0), b = edge(1), d = edge(2);
+    const double square = (a.squaredNorm() + b.squaredNorm() + d.squaredNorm()) / 3;
+    worst = std::min(worst, square > 0 ? a.cross(b).dot(d) / (square * std::sqrt(square)) : 0);
+  }
+  return worst;
+}
+
+// Everything relaxes, and goes on where that was not enough.
+HexMesh relax(HexMesh mesh, const Ground& ground, Context& context) {
+  OptimiseRequest request;
+  request.ground = &ground;
+  mesh = optimise(std::move(mesh), request, feature_options(), context).mesh;
+  const std::vector<HexId> late = hexes_where(mesh, [](const std::array<Vec3, 8>& p) { return poorest_shape(p) < kLateGoal; });
+  if (late.empty()) return mesh;
+  const IdMap<VertexId, std::uint8_t> seeds = vertices_of(mesh, late);
+  request.seeds = &seeds;
+  OptimiseOptions options = feature_options();
+  options.sweeps = kLateSweeps;
+  options.rings = kLateRings;
+  return optimise(std::move(mesh), request, options, context).mesh;
 }
 
 }  // namespace
@@ -53,7 +90,7 @@ HexMesh arrive_at_features(HexMesh mesh, const Ground& ground, Context& context)
 HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context) {
   OptimiseRequest request;
   request.ground = &ground;
-  mesh = optimise(std::move(mesh), request, feature_options(), context).mesh;
+  mesh = relax(std::move(mesh), ground, context);
   return polish(std::move(mesh), request, kPolishGoal, kPolishRounds, context).mesh;
 }
 

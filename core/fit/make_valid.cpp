@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kRounds = 5;          // each gives up more, on a wider ring
 constexpr int kFreeingRound = 2;    // from this round on vertices may leave the surface
-constexpr int kStayRounds = 3;      // after them: vertices that leave the surface come back only as near as hexes allow
+constexpr int kStayRounds = 6;      // after them: vertices that leave the surface come back only as near as hexes allow
 constexpr int kStayRings = 2;       // of hexes round the bad ones, one more each round
 constexpr int kApproaches = 4;
 constexpr int kApproachHalvings = 5;
