@@ -141,6 +141,7 @@ LayerSpec layer_of(const v1::LayerSpec& wire, const std::string& path) {
     const std::string field = indexed(path + ".neighbours", i) + ".ending";
     layer.neighbours.push_back({names(wire.neighbours(i).patches()), ending_of(wire.neighbours(i).ending(), field)});
   }
+  layer.push_wedge = wire.push_wedge();
   if (wire.has_side()) layer.side = wire.side();
   layer.blending = blending_of(wire.blending(), path + ".blending");
   layer.blending_count = wire.blending_count();
@@ -258,6 +259,7 @@ void fill(const LayerSpec& layer, v1::LayerSpec& wire) {
     out.mutable_patches()->Assign(neighbour.patches.begin(), neighbour.patches.end());
     out.set_ending(to_wire(neighbour.ending));
   }
+  wire.set_push_wedge(layer.push_wedge);
   if (layer.side) wire.set_side(*layer.side);
   wire.set_blending(to_wire(layer.blending));
   wire.set_blending_count(layer.blending_count);

@@ -270,6 +270,7 @@ void read_layer(const At& at, v1::LayerSpec& layer) {
           {"relative", [&](const At& a) { layer.set_relative(yes_or_no(a)); }},
           {"ending", [&](const At& a) { layer.set_ending(word_of(a, kEndings)); }},
           {"neighbours", [&](const At& a) { each(a, read_neighbour); }},
+          {"push_wedge", [&](const At& a) { layer.set_push_wedge(yes_or_no(a)); }},
           {"side", [&](const At& a) { read_side(a, layer); }},
           {"blending", [&](const At& a) { read_blending(a, layer); }},
           {"give_up", [&](const At& a) { each(a, [&](const At& g) { layer.add_give_up(word_of(g, kGiveUps)); }); }},

@@ -43,7 +43,10 @@ double wish_of(const GrowingSheet& sheet, std::size_t c, Reach reach) {
 }  // namespace
 
 Grower::Grower(HexMesh start, LayerPlan planned, const LayerRequest& request, Context& context)
-    : mesh(std::move(start)), plan(std::move(planned)), request_(request), context_(context) {}
+    : mesh(std::move(start)), plan(std::move(planned)), request_(request), context_(context), widened_(mesh.quads.size(), -1) {
+  for (std::size_t g = 0; g < plan.groups.size(); ++g)
+    for (QuadId q : plan.groups[g].beyond) widened_[q.index()] = static_cast<std::int32_t>(g);
+}
 
 const LayerSpec& Grower::entry_of(FrontIndex front) const {
   const PatchId patch = request_.ground.features().patch_of_chart[ChartId(front / 2)];

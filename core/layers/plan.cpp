@@ -64,6 +64,7 @@ struct Planner {
   LayerPlan plan;
   std::vector<std::uint8_t> grows;      // by front
   FrontPairs pairs;
+  std::set<QuadId> pushed_onto;         // bare quads that a group has taken
 
   [[nodiscard]] PatchId patch_of(FrontIndex f) const { return features.patch_of_chart[ChartId(f / 2)]; }
   [[nodiscard]] const std::string& name_of(FrontIndex f) const { return surface.patch_names[patch_of(f)]; }
@@ -78,6 +79,7 @@ struct Planner {
   void order_groups();
   void choose_wedges();
   void wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& border);
+  [[nodiscard]] bool push_wedge(std::size_t group);
   void ending_changed(FrontIndex a, FrontIndex b, const std::string& why);
 };
 
@@ -314,6 +316,7 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
 
   struct Loop {
     bool wedge_wanted = false, imprint_wanted = false, crossing = false, wedge_possible = true, imprint_possible = true;
+    double least_angle = 2 * std::numbers::pi;
     FrontIndex from = kNoFront, to = kNoFront;
   };
   std::map<std::int32_t, Loop> loop_of;
@@ -327,6 +330,7 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
     double angle = b.angle;
     if (to != kNoFront)
       if (const auto at = pairs.find({std::min(from, to), std::max(from, to)}); at != pairs.end()) angle = at->second.angle;
+    loop.least_angle = std::min(loop.least_angle, angle);
     const Ending asked = to == kNoFront ? entry_of(from).ending : ending_towards(entry_of(from), name_of(to));
     const Meeting m = meeting_with_bare(asked, angle);
     if (asked == Ending::Imprint && m == Meeting::Wedge) ending_changed(from, to, "too flat to imprint, ended in a wedge if possible");
@@ -339,6 +343,7 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
     if (quads_at[i] != 2 || edges_at[i] != 2) loop_of[loops.find(static_cast<std::int32_t>(i))].wedge_possible = false;
 
   std::set<std::int32_t> wedges;
+  const Loop* wedged = nullptr;  // the one with the sharpest angle
   bool wants_row = false;
   for (auto& [root, loop] : loop_of) {
     if (!loop.wedge_wanted) continue;
@@ -350,11 +355,61 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
     } else {
       if (loop.imprint_wanted) ending_changed(loop.from, loop.to, "one border loop has one ending, ended in a wedge");
       wedges.insert(root);
+      if (!wedged || loop.least_angle < wedged->least_angle) wedged = &loop;
     }
   }
   if (wants_row) plan.want_row.push_back(plan.groups[group].fronts);
   for (std::size_t i = 0; i < vertices.size(); ++i)
     if (wedges.contains(loops.find(static_cast<std::int32_t>(i)))) plan.groups[group].wedge_vertices.push_back(vertices[i]);
+  if (!wedged || !entry_of(wedged->from).push_wedge) return;
+  if (wedged->least_angle < kJointBeatsCross) ending_changed(wedged->from, wedged->to, "too sharp to push the wedge a row away");
+  else if (!push_wedge(group))
+    ending_changed(wedged->from, wedged->to, "the wedge cannot be pushed a row away on the quads beyond this border");
+}
+
+// The group takes the row of bare quads beyond its wedges (paper section 9). Beyond that row the border must be one that wedges can end on:
+// two quads of the row at each vertex, and nothing else that grows.
+bool Planner::push_wedge(std::size_t group) {
+  std::vector<VertexId>& border = plan.groups[group].wedge_vertices;
+  const auto in_group = [&](FacetIndex f) {
+    return growing(facets.front(f)) && plan.group_of_front[static_cast<std::size_t>(facets.front(f))] == static_cast<std::int32_t>(group);
+  };
+  const auto at_border = [&](VertexId v) { return std::binary_search(border.begin(), border.end(), v); };
+  std::vector<FacetIndex> row;
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
+    if (!facets.exists(f) || in_group(f)) continue;
+    const QuadVertices quad = facets.vertices(f);
+    if (std::none_of(quad.begin(), quad.end(), at_border)) continue;
+    if (facets.front(f) == kNoFront || growing(facets.front(f)) || facets.on_interface(f) || pushed_onto.contains(quad_of(f))) return false;
+    row.push_back(f);
+  }
+  struct Count {
+    int quads = 0, edges = 0;
+  };
+  std::map<VertexId, Count> outer;
+  for (FacetIndex f : row) {
+    const QuadVertices quad = facets.vertices(f);
+    int edges = 0;
+    for (int e = 0; e < 4; ++e) {
+      const VertexId a = quad[static_cast<std::size_t>(e)], b = quad[static_cast<std::size_t>((e + 1) & 3)];
+      if (!at_border(a)) ++outer[a].quads;
+      const FacetIndex next = facets.neighbour(f, e).facet;
+      if (next == kNoFacet || in_group(next) || std::binary_search(row.begin(), row.end(), next)) continue;
+      if (growing(facets.front(next)) || at_border(a) || at_border(b)) return false;
+      ++outer[a].edges, ++outer[b].edges, ++edges;
+    }
+    if (edges != 1) return false;
+  }
+  if (std::any_of(outer.begin(), outer.end(), [](const auto& v) { return v.second.quads != 2 || v.second.edges != 2; })) return false;
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
+    if (!facets.exists(f) || !growing(facets.front(f))) continue;
+    for (VertexId v : facets.vertices(f))
+      if (outer.contains(v)) return false;
+  }
+  border.clear();
+  for (const auto& [vertex, count] : outer) border.push_back(vertex);
+  for (FacetIndex f : row) plan.groups[group].beyond.push_back(quad_of(f)), pushed_onto.insert(quad_of(f));
+  return true;
 }
 
 }  // namespace
@@ -393,7 +448,7 @@ Meeting meeting_with_bare(Ending asked, double angle) {
 LayerPlan plan_layers(const HexMesh& mesh, const Facets& facets, const std::vector<LayerSpec>& entries,
                       const IdMap<PatchId, PatchWish>& wishes, const Surface& surface, const Features& features,
                       const PlanLessons& lessons) {
-  Planner planner{mesh, facets, entries, wishes, surface, features, lessons, {}, {}, {}};
+  Planner planner{mesh, facets, entries, wishes, surface, features, lessons, {}, {}, {}, {}};
   planner.find_growing_fronts();
   planner.measure_pairs();
   planner.form_groups();

@@ -36,6 +36,7 @@ struct LayerGroup {
   int count = 0;                               // physical layers
   std::vector<FrontIndex> fronts;              // ascending
   std::vector<VertexId> wedge_vertices;        // of borders where the layers run out to nothing; sorted
+  std::vector<QuadId> beyond;                  // bare quads that the layers go on over before they run out
   double relative_thickness = 0;               // mean wished thickness over the local quad size: thick groups go first
 };
 

@@ -89,6 +89,7 @@ struct LayerSpec {
   bool relative = false;              // heights in local surface sizes
   Ending ending = Ending::Auto;
   std::vector<NeighbourEnding> neighbours;
+  bool push_wedge = false;            // wedges end one row of quads beyond the patches
   std::optional<int> side;            // region reference (1-based) for interfaces; empty: both
   Blending blending = Blending::Auto;
   int blending_count = 0;             // with Blending::Count

@@ -95,6 +95,39 @@ INSTANTIATE_TEST_SUITE_P(Figure7, CylinderFlow,
                                            Situation{"CapsImprintSide", {"cap_bottom", "cap_top"}, Ending::Imprint}),
                          [](const auto& at) { return at.param.name; });
 
+// On half of a cylinder's side: beyond its border the side goes on.
+TEST(FlowLayers, WedgesAreARowAwayWhenPushed) {
+  TriangleSoup soup = cylinder(64, 2, 8);
+  const auto side =
+      static_cast<std::int32_t>(std::find(soup.patch_names.begin(), soup.patch_names.end(), "side") - soup.patch_names.begin());
+  soup.patch_names.emplace_back("lower");
+  for (std::size_t t = 0; t < soup.triangles.size(); ++t) {
+    double height = 0;
+    for (const std::int32_t v : soup.triangles[t]) height += soup.points[static_cast<std::size_t>(v)].z() / 3;
+    if (soup.patch[t] == side && height < 1) soup.patch[t] = static_cast<std::int32_t>(soup.patch_names.size() - 1);
+  }
+  LayerSpec layers = layers_of({"lower"}, 4, 0.01, Ending::Wedge);
+  layers.neighbours.push_back({{"cap_*"}, Ending::Imprint});
+  const auto whole_columns = [](const Outcome& outcome) {
+    return std::count(outcome.mesh.layer.begin(), outcome.mesh.layer.end(), 2);  // wedge hexes are of odd layers
+  };
+  const Outcome at_border = run(soup, with_layers(sized(0.2), layers));
+  layers.push_wedge = true;
+  const Outcome outcome = run(soup, with_layers(sized(0.2), layers));
+  expect_sound(outcome);
+  expect_layers_as_wished(outcome, {"lower"}, 4, 0.01);
+  EXPECT_LT(whole_columns(at_border), quads_of(at_border, {"lower"}) - 10);
+  EXPECT_EQ(whole_columns(outcome), quads_of(outcome, {"lower"}));
+  EXPECT_TRUE(outcome.adjustments.empty());
+  // Against the caps columns would lean over the wedges.
+  layers.patches = {"lower", "side"};
+  layers.neighbours.clear();
+  const Outcome in_corners = run(soup, with_layers(sized(0.2), layers));
+  expect_sound(in_corners);
+  EXPECT_TRUE(std::any_of(in_corners.adjustments.begin(), in_corners.adjustments.end(),
+                          [](const Diagnostic& d) { return d.reason == Reason::EndingChanged; }));
+}
+
 TEST(FlowLayers, ThatFindNoRoomAreThinnedAndSaidToBe) {
   const Outcome outcome = run(cube(4), with_layers(sized(0.1), layers_of({"z_min", "z_max"}, 3, 0.3)));
   expect_sound(outcome);

@@ -31,7 +31,7 @@ constexpr const char* kGood = R"({
               "neighbours": [{"patches": ["*"], "ending": "regular"}], "give_up": ["count"], "minimum_count": 2}]})";
 
 // Any value of these is one.
-const std::set<std::string> kAnything = {"seed", "layers[0].relative"};
+const std::set<std::string> kAnything = {"seed", "layers[0].relative", "layers[0].push_wedge"};
 
 using Path = std::vector<const FieldDescriptor*>;
 
