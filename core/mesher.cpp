@@ -2,6 +2,9 @@
 #include "core/mesher.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
 #include <string>
 #include <utility>
 
@@ -65,6 +68,26 @@ HexMesh grow_or_drop(HexMesh mesh, const Ground& ground, const std::vector<Layer
   return layered;
 }
 
+void tell_rounded(const RoundedRidges& rounded, const Frame& frame, Context& context) {
+  if (rounded.length == 0) return;
+  Diagnostic d;
+  d.reason = Reason::RidgeFilleted;
+  d.severity = Severity::Warning;
+  d.box.add(frame.to_input(rounded.box.min));
+  d.box.add(frame.to_input(rounded.box.max));
+  const double length = rounded.length / frame.scale, degrees = rounded.sharpest * 180 / std::numbers::pi;
+  // A fillet of half the local size between two faces leaves this of their edge (dossier 5.4).
+  const double short_of = 0.5 * (1 / std::sin(0.5 * rounded.sharpest) - 1);
+  d.values = {{"length", length}, {"sharpest_degrees", degrees}, {"sizes", short_of}};
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "ridges under 60 degrees are rounded as asked, %.4g long in all; at the sharpest, %.3g degrees, the mesh ends some %.2g "
+                "cells short of the edge",
+                length, degrees, short_of);
+  d.message = text;
+  context.adjusted(std::move(d));
+}
+
 void to_input_frame(HexMesh& mesh, const Frame& frame) {
   for (Vec3& p : mesh.position) p = frame.to_input(p);
 }
@@ -110,6 +133,7 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, cons
 
   context.begin(Stage::DetectFeatures);
   const Features features = detect_features(surface, feature_options(spec), context);
+  tell_rounded(features.rounded, surface.frame, context);
 
   context.begin(Stage::MakeSizeField);
   const SizeField sizes = make_size_field(surface, features, size_options(spec, surface, features), context);
@@ -150,6 +174,7 @@ CheckReport check_request(TriangleSoup soup, const MeshSpec& wish, Context& cont
     if (usable) {
       const MeshSpec spec = in_working_frame(wish, surface.frame);
       const Features features = detect_features(surface, feature_options(spec), context);
+      tell_rounded(features.rounded, surface.frame, context);
       const SizeField sizes = make_size_field(surface, features, size_options(spec, surface, features), context);
       const std::int64_t triangles = report.estimate.triangles;
       const Observer observer{[&](const Estimate& estimate) { report.estimate = estimate; }, {}};

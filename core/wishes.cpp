@@ -98,6 +98,8 @@ OctreeOptions octree_options(const MeshSpec& spec) {
   return options;
 }
 
-FeatureOptions feature_options(const MeshSpec& spec) { return {.ridge_angle = spec.features.ridge_angle}; }
+FeatureOptions feature_options(const MeshSpec& spec) {
+  return {.ridge_angle = spec.features.ridge_angle, .round_sharp = spec.features.sharp_edges == SharpEdges::Fillet};
+}
 
 }  // namespace strata

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 #include "core/base/parallel.h"
@@ -47,7 +48,7 @@ bool is_hard(const Surface& surface, const FeatureEdge& e) {
 // The sharpest turn beside the edge: over the sides of its two triangles and of the triangles next to them, but for ridges
 // and for edges that go on in the same direction.
 double turn_beside(const Surface& surface, const std::vector<std::array<std::int32_t, 3>>& edge_of_side,
-                   const std::vector<FeatureEdge>& edges, std::size_t edge, const std::vector<char>& feature) {
+                   const std::vector<FeatureEdge>& edges, std::size_t edge, const std::vector<EdgeMark>& mark) {
   const FeatureEdge& e = edges[edge];
   const Vec3 along = (surface.points[e.high] - surface.points[e.low]) / e.length;
   constexpr double kSameDirection = 0.87;  // cosine of 30 degrees
@@ -56,7 +57,7 @@ double turn_beside(const Surface& surface, const std::vector<std::array<std::int
     for (const std::int32_t side : edge_of_side[t.index()]) {
       const auto i = static_cast<std::size_t>(side);
       const FeatureEdge& other = edges[i];
-      if (i == edge || feature[i]) continue;
+      if (i == edge || mark[i] != EdgeMark::Plain) continue;
       const bool touches = other.low == e.low || other.low == e.high || other.high == e.low || other.high == e.high;
       const Vec3 direction = (surface.points[other.high] - surface.points[other.low]) / other.length;
       if (touches && std::abs(direction.dot(along)) > kSameDirection) continue;
@@ -71,12 +72,12 @@ double turn_beside(const Surface& surface, const std::vector<std::array<std::int
   return sharpest;
 }
 
-void extend_by_weak(const Surface& surface, const std::vector<FeatureEdge>& edges, double ridge_angle, std::vector<char>& feature) {
+void extend_by_weak(const Surface& surface, const std::vector<FeatureEdge>& edges, double ridge_angle, std::vector<EdgeMark>& mark) {
   std::vector<std::array<std::int32_t, 3>> edge_of_side;
   std::vector<char> weak(edges.size(), 0);
   bool any = false;
   for (std::size_t i = 0; i < edges.size(); ++i)
-    any |= weak[i] = !feature[i] && std::abs(edges[i].turn) - edges[i].doubt > kWeakOfStrong * ridge_angle;
+    any |= weak[i] = mark[i] == EdgeMark::Plain && std::abs(edges[i].turn) - edges[i].doubt > kWeakOfStrong * ridge_angle;
   if (!any) return;
   edge_of_side.resize(surface.triangles.size());
   parallel_for(surface.triangles.size(), [&](std::size_t t) {
@@ -90,13 +91,13 @@ void extend_by_weak(const Surface& surface, const std::vector<FeatureEdge>& edge
   });
   const std::vector<char> candidates = weak;
   parallel_for(edges.size(), [&](std::size_t i) {
-    if (candidates[i]) weak[i] = std::abs(edges[i].turn) > kDistinct * turn_beside(surface, edge_of_side, edges, i, feature);
+    if (candidates[i]) weak[i] = std::abs(edges[i].turn) > kDistinct * turn_beside(surface, edge_of_side, edges, i, mark);
   });
 
   // Groups of weak edges: kept with enough edges at one strong point, or when they join two.
   std::vector<char> strong_point(surface.points.size(), 0);
   for (std::size_t i = 0; i < edges.size(); ++i)
-    if (feature[i]) strong_point[edges[i].low.index()] = strong_point[edges[i].high.index()] = 1;
+    if (mark[i] == EdgeMark::Feature) strong_point[edges[i].low.index()] = strong_point[edges[i].high.index()] = 1;
   PointGroups groups(surface.points.size());
   for (std::size_t i = 0; i < edges.size(); ++i)
     if (weak[i]) groups.join(edges[i].low, edges[i].high);
@@ -115,7 +116,7 @@ void extend_by_weak(const Surface& surface, const std::vector<FeatureEdge>& edge
   for (std::size_t i = 0; i < edges.size(); ++i) {
     if (!weak[i]) continue;
     const auto root = static_cast<std::size_t>(groups.find(edges[i].low));
-    if (contacts[root] >= 2 || (contacts[root] == 1 && edge_count[root] >= kExtension)) feature[i] = 1;
+    if (contacts[root] >= 2 || (contacts[root] == 1 && edge_count[root] >= kExtension)) mark[i] = EdgeMark::Feature;
   }
 }
 
@@ -156,12 +157,16 @@ std::vector<FeatureEdge> all_edges(const Surface& surface) {
   return edges;
 }
 
-std::vector<char> mark_features(const Surface& surface, const std::vector<FeatureEdge>& edges, double ridge_angle) {
-  std::vector<char> feature(edges.size(), 0);
-  parallel_for(edges.size(),
-               [&](std::size_t i) { feature[i] = is_hard(surface, edges[i]) || std::abs(edges[i].turn) - edges[i].doubt > ridge_angle; });
-  extend_by_weak(surface, edges, ridge_angle, feature);
-  return feature;
+std::vector<EdgeMark> mark_features(const Surface& surface, const std::vector<FeatureEdge>& edges, const FeatureOptions& options) {
+  std::vector<EdgeMark> mark(edges.size(), EdgeMark::Plain);
+  parallel_for(edges.size(), [&](std::size_t i) {
+    const double turn = std::abs(edges[i].turn) - edges[i].doubt;
+    if (is_hard(surface, edges[i])) mark[i] = EdgeMark::Feature;
+    else if (options.round_sharp && turn > std::numbers::pi - kSharpRidge) mark[i] = EdgeMark::Rounded;
+    else if (turn > options.ridge_angle) mark[i] = EdgeMark::Feature;
+  });
+  extend_by_weak(surface, edges, options.ridge_angle, mark);
+  return mark;
 }
 
 }  // namespace strata

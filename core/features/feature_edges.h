@@ -24,7 +24,8 @@ struct FeatureEdge {
 // Sorted by (low, high).
 std::vector<FeatureEdge> all_edges(const Surface& surface);
 
-// 1 for every edge of `edges` that is a feature: patch borders, non-manifold edges, ridges with hysteresis.
-std::vector<char> mark_features(const Surface& surface, const std::vector<FeatureEdge>& edges, double ridge_angle);
+enum class EdgeMark : char { Plain, Feature, Rounded };
+// Features are patch borders, non-manifold edges, ridges with hysteresis; rounded edges are ridges that are to be none.
+std::vector<EdgeMark> mark_features(const Surface& surface, const std::vector<FeatureEdge>& edges, const FeatureOptions& options);
 
 }  // namespace strata

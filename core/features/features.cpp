@@ -124,7 +124,9 @@ void measure_corners(const Surface& surface, const std::vector<CornerId>& corner
     }
 }
 
-void find_corners(const Surface& surface, const FeatureGraph& graph, std::vector<CornerId>& corner_at, Features& features) {
+// Where a ridge that is to be rounded meets a curve, the curve is rounded as well.
+void find_corners(const Surface& surface, const FeatureGraph& graph, const std::vector<char>& on_rounded, std::vector<CornerId>& corner_at,
+                  Features& features) {
   std::vector<double> missing(surface.points.size(), 2 * std::numbers::pi);
   for (const TriangleId t : surface.triangles.ids())
     for (std::size_t i = 0; i < 3; ++i) missing[surface.triangles[t][i].index()] -= angle_at(surface.corners(t), i);
@@ -134,7 +136,8 @@ void find_corners(const Surface& surface, const FeatureGraph& graph, std::vector
         for (const std::size_t end : {i, (i + 1) % 3}) missing[surface.triangles[t][end].index()] = 0;
   corner_at.assign(surface.points.size(), CornerId());
   for (const PointId p : surface.points.ids())
-    if (is_corner(surface, graph, p) || (graph.valence(p) == 0 && missing[p.index()] > kTipDefect))
+    if ((is_corner(surface, graph, p) && !(on_rounded[p.index()] && graph.valence(p) == 2)) ||
+        (graph.valence(p) == 0 && missing[p.index()] > kTipDefect))
       corner_at[p.index()] = features.corners.push_back({p, {}, {}});
   measure_corners(surface, corner_at, features);
 }
@@ -197,17 +200,23 @@ void trace(const FeatureGraph& graph, PointId p, std::int32_t e, const std::vect
 
 Features detect_features(const Surface& surface, const FeatureOptions& options, Context& context) {
   const std::vector<FeatureEdge> edges = all_edges(surface);
-  const std::vector<char> marked = mark_features(surface, edges, options.ridge_angle);
+  const std::vector<EdgeMark> mark = mark_features(surface, edges, options);
   context.progress(0.5);
+  Features features;
   std::vector<FeatureEdge> chosen;
-  for (std::size_t e = 0; e < edges.size(); ++e)
-    if (marked[e]) chosen.push_back(edges[e]);
+  std::vector<char> on_rounded(surface.points.size(), 0);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    if (mark[e] == EdgeMark::Feature) chosen.push_back(edges[e]);
+    if (mark[e] != EdgeMark::Rounded) continue;
+    features.rounded.length += edges[e].length;
+    features.rounded.sharpest = std::min(features.rounded.sharpest, std::numbers::pi - std::abs(edges[e].turn));
+    for (const PointId p : {edges[e].low, edges[e].high}) features.rounded.box.add(surface.points[p]), on_rounded[p.index()] = 1;
+  }
   const FeatureGraph graph = make_graph(std::move(chosen), surface.points.size());
 
-  Features features;
   fill_charts(surface, graph, features);
   std::vector<CornerId> corner_at;
-  find_corners(surface, graph, corner_at, features);
+  find_corners(surface, graph, on_rounded, corner_at, features);
   std::vector<char> done(graph.edges.size(), 0);
   for (const CornerId c : features.corners.ids()) {
     const PointId p = features.corners[c].point;

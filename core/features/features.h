@@ -14,6 +14,15 @@ class Context;
 
 struct FeatureOptions {
   double ridge_angle = 0.6981317007977318;  // 40 degrees: an edge whose normals turn by more is sharp (radians)
+  bool round_sharp = false;  // ridges inside a patch whose faces stand at less than kSharpRidge are no features: the mesh rounds them
+};
+inline constexpr double kSharpRidge = 1.0471975511965976;  // 60 degrees
+
+// Ridges left out because they are to be rounded.
+struct RoundedRidges {
+  double length = 0;             // working frame
+  double sharpest = kSharpRidge; // angle between the faces, radians
+  Box box;                       // working frame
 };
 
 struct Curve {
@@ -49,6 +58,7 @@ struct Features {
   IdMap<CornerId, Corner> corners;
   IdMap<TriangleId, ChartId> chart;        // sized like the surface's triangles
   IdMap<ChartId, PatchId> patch_of_chart;
+  RoundedRidges rounded;
   [[nodiscard]] std::size_t chart_count() const { return patch_of_chart.size(); }
 };
 

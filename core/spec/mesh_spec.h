@@ -66,7 +66,7 @@ struct SizingSpec {
   std::optional<std::int64_t> max_cells;
 };
 
-enum class SharpEdges { Exact, Fillet, Auto };  // Auto: exact, but fillet with layers on both sides
+enum class SharpEdges { Exact, Fillet, Auto };  // Auto: exact
 struct FeatureSpec {
   double ridge_angle = 0.6981317007977318;  // 40 degrees
   SharpEdges sharp_edges = SharpEdges::Auto;

@@ -1,4 +1,5 @@
 // The whole door on small shapes without layers: valid meshes of the right volume, with patches and features kept.
+#include <algorithm>
 #include <random>
 
 #include "tests/flow/flow.h"
@@ -191,6 +192,26 @@ TEST(Flow, AWedgeOfFortyDegreesKeepsItsEdge) {
   expect_volume(outcome, volume_of(soup));
   expect_patches_kept(outcome, soup, kAreaTolerance);
   expect_border(outcome, "lower", "upper", 1);
+}
+
+// Within what a fillet of about half a cell leaves of the edge, and with better hexes than the exact edge allows.
+TEST(Flow, AWedgeOfTwentyDegreesIsRoundedWhereAsked) {
+  const double angle = 20 * kDegree, size = 0.06;
+  TriangleSoup soup = sharp_wedge(angle, 6);
+  soup.patch_names = {"surface"};
+  soup.patch.assign(soup.triangles.size(), 0);
+  MeshSpec spec = sized(size);
+  const Outcome exact = run(soup, spec);
+  spec.features.sharp_edges = SharpEdges::Fillet;
+  const Outcome outcome = run(soup, spec);
+  expect_sound(outcome);
+  const double tip = 0.5 * size * (1 / std::sin(0.5 * angle) - 1);
+  const double cut = 0.5 * std::sin(angle) * tip * tip;  // the triangle beyond a fillet's centre bounds what it takes
+  EXPECT_NEAR(meshed_volume(outcome), volume_of(soup), 2 * cut + kVolumeTolerance * volume_of(soup));
+  EXPECT_GT(outcome.quality.all.min, exact.quality.all.min);
+  EXPECT_LE(outcome.rung, Rung::FeaturesSoftened);  // where the ends of the ridge are thinner than a cell, the curves round them may be
+  EXPECT_TRUE(std::any_of(outcome.adjustments.begin(), outcome.adjustments.end(),
+                          [](const Diagnostic& d) { return d.reason == Reason::RidgeFilleted; }));
 }
 
 TEST(Flow, AFlatPatchBorderIsKept) {

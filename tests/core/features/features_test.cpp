@@ -29,6 +29,23 @@ TriangleSoup one_patch(TriangleSoup soup) {
   return soup;
 }
 
+TEST(Features, SharpRidgesAreLeftOutWhenTheyAreToBeRounded) {
+  const double angle = 40 * kPi / 180;
+  const auto exact = found(one_patch(test::sharp_wedge(angle, 4))).features;
+  EXPECT_EQ(exact.curves.size(), 9u);
+  EXPECT_EQ(exact.rounded.length, 0);
+  const auto [s, f] = found(one_patch(test::sharp_wedge(angle, 4)), {.round_sharp = true});
+  // The ridge and its two ends are gone, the two curves at either end are one.
+  EXPECT_EQ(f.curves.size(), 6u);
+  EXPECT_EQ(f.corners.size(), 4u);
+  EXPECT_EQ(f.chart_count(), 4u);
+  EXPECT_NEAR(f.rounded.length, s.frame.scale, 1e-6);
+  EXPECT_NEAR(f.rounded.sharpest, angle, 1e-6);
+  // Borders of patches stay, and what is not so sharp.
+  EXPECT_EQ(found(test::sharp_wedge(angle, 4), {.round_sharp = true}).features.curves.size(), 9u);
+  EXPECT_EQ(found(one_patch(test::cube()), {.round_sharp = true}).features.curves.size(), 12u);
+}
+
 TEST(Features, CubeHasTwelveCurvesEightCornersSixCharts) {
   for (const int n : {1, 2, 5})
     for (const bool named : {true, false}) {
