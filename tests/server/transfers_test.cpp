@@ -100,6 +100,8 @@ TEST_F(TransfersTest, AnUploadWhoseClientStopsIsEndedAndKeepsWhatCame) {
   *request.mutable_frame() = frame_of(0, "0123");
   ASSERT_TRUE(writer->Write(request));
   EXPECT_EQ(writer->Finish().error_code(), StatusCode::CANCELLED);  // without a word that it is done
+  // The client hears of it before the server has put away what came.
+  for (int i = 0; i < 1000 && blobs_->find_upload(upload)->committed == 0; ++i) std::this_thread::sleep_for(10ms);
   EXPECT_EQ(blobs_->find_upload(upload)->committed, 4);
 }
 
