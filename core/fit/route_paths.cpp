@@ -1,6 +1,7 @@
 // Routes as edge paths: Dijkstra near the curve; a route that finds no way moves others aside, which then look for another way
 // (negotiation as in the routing of circuits: what is fought over becomes dearer).
 #include <algorithm>
+#include <array>
 #include <deque>
 #include <limits>
 #include <optional>
@@ -14,6 +15,7 @@ namespace {
 
 constexpr double kReach = 1.5;           // a path keeps within so many local edge lengths of its curve
 constexpr double kWideReach = 2.5;       // when there is no such path
+constexpr double kEndReach = 1.5;        // near a corner, times the distance from it to its vertex
 constexpr double kDistanceWeight = 4.0;  // of (distance / edge length)^2 against length 1
 constexpr double kTurnWeight = 1.0;      // of 1 - |cos(edge, tangent)| against length 1
 constexpr double kReservedWeight = 10;   // factor for stepping on a vertex that another route would leave its corner by
@@ -93,12 +95,21 @@ class Router {
     return s;
   }
 
+  // Where cells end far short of a corner, paths have as far to go as the corner's vertex has, near there.
+  [[nodiscard]] double reach_at(double arc) const {
+    double reach = 0;
+    for (const std::size_t which : {0, 1})
+      if ((which == 0 ? arc : route().length - arc) < kEndReach * end_offset_[which])
+        reach = std::max(reach, kEndReach * end_offset_[which]);
+    return reach;
+  }
+
   // Length, made dearer by straying from the curve; infinite out of reach.
   double weight(VertexId v, VertexId u, const Way& way) {
     const Vec3 edge = m_.mesh.position[u] - m_.mesh.position[v];
     const double length = edge.norm();
     const State &a = located(v), &b = located(u);
-    if (length == 0 || b.offset.norm() > way.reach * m_.size[u]) return std::numeric_limits<double>::infinity();
+    if (length == 0 || b.offset.norm() > std::max(way.reach * m_.size[u], reach_at(b.arc))) return std::numeric_limits<double>::infinity();
     const double h = 0.5 * (m_.size[u] + m_.size[v]);
     const Vec3 middle = 0.5 * (a.offset + b.offset);
     const double aside = (a.offset.squaredNorm() + b.offset.squaredNorm() + 4 * middle.squaredNorm()) / (6 * h * h);
@@ -395,6 +406,10 @@ class Router {
     arcs_.assign(1, 0.0);
     for (std::size_t i = 0; i + 1 < route().points.size(); ++i)
       arcs_.push_back(arcs_.back() + (route().points[i + 1] - route().points[i]).norm());
+    end_offset_ = {};
+    for (const std::size_t which : {0, 1})
+      if (const VertexId v = m_.ports[static_cast<std::size_t>(r)][which].vertex; v.valid())
+        end_offset_[which] = (m_.mesh.position[v] - (which == 0 ? route().points.front() : route().points.back())).norm();
   }
 
   // All pieces or nothing; a piece whose path cuts short is halved. Who was moved aside is in evicted_ (also after a failure, which
@@ -477,6 +492,7 @@ class Router {
   std::vector<int> fights_;  // per route
   std::uint32_t epoch_ = 0, route_epoch_ = 0;
   std::int32_t r_ = -1, hint_ = -1;
+  std::array<double, 2> end_offset_{};  // of the route at hand: from each corner to its vertex
   std::vector<double> arcs_;  // of the route at hand: length up to each of its points
   std::vector<std::int32_t> evicted_;
   std::vector<std::pair<std::int32_t, std::vector<std::int32_t>>> undo_;  // who was moved aside, and the paths they had
