@@ -29,7 +29,7 @@ constexpr double kRelaxedShare = 1e-3;
 constexpr int kFacesOfHex = 6;
 constexpr int kFinerAttempts = 2;  // with finer cells where the mesh fell short
 constexpr double kMostHexes = 2;   // times those of the first mesh: carved cells of one with finer places
-constexpr int kMostRounds = 3;     // of the fit, to try again: more means that creases are noise, or cells too large everywhere
+constexpr int kMostRounds = 4;     // of the fits so far, to try again: more means that creases are noise, or cells too large everywhere
 constexpr int kFinerTries = 3;  // cells are halved so often, where the volume is thinner than they are
 
 // Reports vertices that stay off their geometry; far ones cost a rung.
@@ -229,7 +229,6 @@ bool is_better(const FittedMesh& a, const FittedMesh& b) {
 // Asks for finer cells where the attempt fell short. False: it did not, or they would be too many.
 bool refine(SizeField& sizes, const FittedMesh& attempt, const IdMap<CurveId, std::uint8_t>& counts) {
   if (attempt.rung > Rung::FitRelaxed || (attempt.rung < Rung::FitRelaxed && attempt.merit.will_do())) return false;
-  if (attempt.shortfall.rounds > kMostRounds) return false;
   FinerPlaces finer = finer_places(attempt.mesh, attempt.shortfall, *attempt.ground, counts);
   if (finer.empty()) return false;
   sizes.segments.insert(sizes.segments.end(), finer.segments.begin(), finer.segments.end());
@@ -293,9 +292,12 @@ FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
   const IdMap<CurveId, std::uint8_t> counts = curves_that_count(best.mesh, *best.ground);
   best.merit = merit_of(best.mesh, *best.ground, counts);
   const double most_hexes = kMostHexes * static_cast<double>(best.mesh.hexes.size());
+  int rounds = best.shortfall.rounds;
   const auto improve = [&](const SizeField& at, bool with_thin_places) {
+    if (rounds > kMostRounds) return false;
     std::optional<FittedMesh> next = attempt_again(asked, at, with_thin_places, most_hexes);
     if (!next || next->ground->features().curves.size() != counts.size()) return false;  // the latter: not of the same volume
+    rounds += next->shortfall.rounds;
     next->merit = merit_of(next->mesh, *next->ground, counts);
     if (!is_better(*next, best)) return false;
     if (&at != &sizes) report_refined(sizes, at, asked.surface, *next);
@@ -304,7 +306,7 @@ FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
   };
   SizeField finer = sizes;
   bool asks = refine(finer, best, counts);
-  bool thin_places = best.shortfall.rounds <= kMostRounds && best.merit.misses_thin_places() && improve(sizes, true);
+  bool thin_places = best.merit.misses_thin_places() && improve(sizes, true);
   if (thin_places) {  // finer cells alone may do better
     if (asks && improve(finer, false)) thin_places = false;
     else finer = sizes;
