@@ -26,6 +26,7 @@ constexpr int kSweeps = 2;                // of the optimiser after a step
 constexpr int kLastSweeps = 4;
 constexpr double kLeastQuality = 0.12;    // scaled Jacobian that physical layers may cost
 constexpr double kGoodQuality = 0.35;     // and that blending may cost
+constexpr double kPoorColumns = 0.1;      // scaled Jacobian: hexes under it are polished before they are cut
 constexpr double kShort = 0.97;           // of its wish: columns under it draw their neighbours down
 
 constexpr double kNearlyAll = 0.95;       // of the columns must have room when layers are given up
@@ -325,7 +326,7 @@ void Grower::inflate() {
   for (const GroupSheet& s : sheets_)
     for (const HexVertices& prism : s.growing.prisms.hexes) in_prisms.insert(in_prisms.end(), prism.begin(), prism.end());
   mesh = heal(std::move(mesh), in_prisms, Soundness::ToBeCut, request_.ground, context_);
-  mesh = polish_poorest(std::move(mesh), in_prisms, request_.ground, context_);
+  mesh = polish_poorest(std::move(mesh), kPoorColumns, Losses::ToBeHealed, in_prisms, request_.ground, context_);
   mesh = heal(std::move(mesh), in_prisms, Soundness::ToBeCut, request_.ground, context_);
   remeasure();
 }

@@ -17,6 +17,8 @@ namespace {
 constexpr double kCramped = 0.1;          // of a hex's shortest edge
 constexpr int kCuts = 8;                  // trials: each cuts more columns alike
 constexpr int kAlikeSweeps = 40;
+constexpr std::uint8_t kWedgeRings = 3;   // of vertices round wedge hexes, that the polish leaves alone
+constexpr double kPoorLayers = 0.06;      // scaled Jacobian: layers under it are polished, at the cost of their heights
 
 Vec3 corner_of(const HexMesh& mesh, HexId h, std::size_t i) { return mesh.position[mesh.hexes[h][i]]; }
 
@@ -42,6 +44,22 @@ std::vector<HexId> cramped(const Sliced& sliced, const HexMesh& coarse, const Gu
   std::vector<HexId> result;
   for (std::size_t i = 0; i < is_cramped.size(); ++i)
     if (is_cramped[i] != 0) result.emplace_back(i);
+  return result;
+}
+
+// Of wedge hexes and what is near: no better places are known for these than the cut gave, and no polish may look for them.
+std::vector<VertexId> round_wedges(const HexMesh& mesh, const Sliced& sliced) {
+  IdMap<VertexId, std::uint8_t> near(mesh.position.size(), 0);
+  for (HexId h : mesh.hexes.ids())
+    for (std::size_t i = 0; sliced.prism[h] >= 0 && i < 8; ++i) near[mesh.hexes[h][i]] = 1;
+  for (std::uint8_t ring = 1; ring <= kWedgeRings; ++ring)
+    for (HexId h : mesh.hexes.ids())
+      if (std::any_of(mesh.hexes[h].begin(), mesh.hexes[h].end(), [&](VertexId v) { return near[v] == ring; }))
+        for (VertexId v : mesh.hexes[h])
+          if (near[v] == 0) near[v] = ring + 1;
+  std::vector<VertexId> result;
+  for (VertexId v : mesh.position.ids())
+    if (near[v] != 0) result.push_back(v);
   return result;
 }
 
@@ -153,6 +171,8 @@ void Grower::cut() {
     }
     if (round == kCuts || alike_.size() == known) {
       mesh = heal(std::move(sliced.mesh), {}, Soundness::Positive, request_.ground, context_);
+      const std::vector<VertexId> still = round_wedges(mesh, sliced);
+      mesh = polish_poorest(std::move(mesh), kPoorLayers, Losses::TakenBack, still, request_.ground, context_);
       for (HexId h : not_positive(mesh))
         if (sliced.parent[h].valid()) note_bad_crossing(guard.crossings(sliced.parent[h]));
       fraction.resize(mesh.position.size(), -1);

@@ -26,8 +26,8 @@ constexpr int kRings = 4;        // of vertices that take part, one more each ro
 constexpr int kMargin = 1;       // rings of hexes round them that stay still
 constexpr int kSweeps = 20;
 constexpr double kLeastEdge = 1e-5;  // of a hex's longest
+constexpr double kZeroMargin = 2;    // over what a finished mesh may not have: it still goes back to the input's frame
 constexpr double kParting = 0.3;  // of the way to the neighbours' middle
-constexpr double kPoor = 0.1;     // scaled Jacobian: hexes under it are polished
 constexpr int kPolishRings = 4;   // of hexes round them: polishing moves two rings of vertices
 constexpr int kPolishRounds = 6;
 
@@ -43,7 +43,7 @@ bool has_short_edge(const std::array<Vec3, 8>& c) {
 
 std::vector<HexId> unsound_hexes(const HexMesh& mesh, Soundness goal) {
   return hexes_where(mesh, [&](const std::array<Vec3, 8>& c) {
-    if (!(corner_scaled_jacobian(c) > 0 && scaled_jacobian(c) > 0)) return true;
+    if (!(scaled_jacobian(c) > kZeroMargin * kZeroProduct)) return true;
     return goal == Soundness::ToBeCut && (has_short_edge(c) || !bernstein_positive(c));
   });
 }
@@ -118,6 +118,27 @@ Surroundings surroundings_of(const HexMesh& mesh, const std::vector<HexId>& hexe
   return result;
 }
 
+// The polish sees the corners of hexes only: those that lost inside what counts take their vertices back.
+void take_back_losses(HexMesh& mesh, const IdMap<VertexId, Vec3>& before, double goal) {
+  const auto lost = [&](HexId h) {
+    std::array<Vec3, 8> old;
+    for (std::size_t i = 0; i < 8; ++i) old[i] = before[mesh.hexes[h][i]];
+    const std::array<Vec3, 8> now = corners_of(mesh, h);
+    if (now == old) return false;
+    return scaled_jacobian(now) < std::min(goal, scaled_jacobian(old)) || (!bernstein_positive(now) && bernstein_positive(old));
+  };
+  std::vector<std::uint8_t> takes_back(mesh.hexes.size());
+  for (bool any = true; any;) {
+    parallel_for(takes_back.size(), [&](std::size_t h) { takes_back[h] = lost(HexId(h)) ? 1 : 0; });
+    any = false;
+    for (HexId h : mesh.hexes.ids()) {
+      if (takes_back[h.index()] == 0) continue;
+      any = true;
+      for (VertexId v : mesh.hexes[h]) mesh.position[v] = before[v];
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<HexId> not_positive(const HexMesh& mesh) { return unsound_hexes(mesh, Soundness::Positive); }
@@ -147,14 +168,17 @@ HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, Soundness goal, c
   return mesh;
 }
 
-HexMesh polish_poorest(HexMesh mesh, const std::vector<VertexId>& still, const Ground& ground, Context& context) {
-  const std::vector<HexId> poor = hexes_where(mesh, [](const std::array<Vec3, 8>& c) { return corner_scaled_jacobian(c) < kPoor; });
+HexMesh polish_poorest(HexMesh mesh, double goal, Losses losses, const std::vector<VertexId>& still, const Ground& ground,
+                       Context& context) {
+  const std::vector<HexId> poor = hexes_where(mesh, [&](const std::array<Vec3, 8>& c) { return corner_scaled_jacobian(c) < goal; });
   if (poor.empty() || poor.size() > kFew) return mesh;
   Surroundings near = surroundings_of(mesh, poor, marked(mesh, still), kPolishRings);
   OptimiseRequest request;
   request.ground = &ground;
   request.movable = &near.movable;
-  near.part.mesh = polish(std::move(near.part.mesh), request, kPoor, kPolishRounds, context).mesh;
+  const IdMap<VertexId, Vec3> before = near.part.mesh.position;
+  near.part.mesh = polish(std::move(near.part.mesh), request, goal, kPolishRounds, context).mesh;
+  if (losses == Losses::TakenBack) take_back_losses(near.part.mesh, before, goal);
   put_back(near.part, mesh);
   return mesh;
 }

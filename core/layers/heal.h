@@ -21,8 +21,14 @@ enum class Soundness {
 // do not move. Does nothing when there are more than a few; the caller looks again. Attachments stay.
 HexMesh heal(HexMesh mesh, const std::vector<VertexId>& still, Soundness goal, const Ground& ground, Context& context);
 
-// Raises the scaled Jacobian of hexes under 0.1, when they are few. Before these are cut: what is done to a hex is done to all its layers,
-// and their heights are measured afterwards. `still` do not move; held vertices slide.
-HexMesh polish_poorest(HexMesh mesh, const std::vector<VertexId>& still, const Ground& ground, Context& context);
+// The polish sees the corners of hexes only; inside some may lose.
+enum class Losses {
+  ToBeHealed,  // afterwards
+  TakenBack,  // no hex falls under the goal, or under what it was, at its centre either
+};
+// Raises the scaled Jacobian of hexes under `goal`, when they are few. Before these are cut, what is done to a hex is done to all its
+// layers, and their heights are measured afterwards. `still` do not move; held vertices slide.
+HexMesh polish_poorest(HexMesh mesh, double goal, Losses losses, const std::vector<VertexId>& still, const Ground& ground,
+                       Context& context);
 
 }  // namespace strata

@@ -263,9 +263,6 @@ Found check_boundary_edges(const HexMesh& mesh, const AllSides& sides) {
   return {};
 }
 
-// What counts as zero for the product of three directions: rounding makes as much of it, and the next rounding may turn it.
-constexpr double kZeroProduct = 1e-8;
-
 bool clearly_positive(const Vec3& x, const Vec3& y, const Vec3& z) {
   return x.cross(y).dot(z) > kZeroProduct * std::sqrt(x.squaredNorm() * y.squaredNorm() * z.squaredNorm());
 }

@@ -11,6 +11,9 @@
 
 namespace strata {
 
+// What counts as zero for a scaled Jacobian, at a corner or the centre: rounding makes as much of it, and the next rounding may turn it.
+inline constexpr double kZeroProduct = 1e-8;
+
 // Whether the Jacobian determinant of the trilinear map is positive on the whole hex, not only at corners and centre. True is a proof;
 // false is a counterexample or, rarely, a minimum so close to 0 that eight-fold bisection does not decide. Up to about 1 microsecond for
 // ordinary hexes.

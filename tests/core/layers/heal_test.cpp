@@ -81,11 +81,14 @@ TEST(PolishPoorest, RaisesFewPoorHexesButMovesNothingThatStandsStill) {
   const Vec3 from = mesh.position[drawn];
   while (worst(mesh) > 0.08) mesh.position[drawn] = from + (share += 0.02) * (centre - from);
   ASSERT_GT(worst(mesh), 0);
-  const HexMesh polished = polish_poorest(mesh, {}, scene->ground, scene->context);
+  const HexMesh polished = polish_poorest(mesh, 0.1, Losses::ToBeHealed, {}, scene->ground, scene->context);
   EXPECT_GE(worst(polished), 0.1);
+  const HexMesh careful = polish_poorest(mesh, 0.1, Losses::TakenBack, {}, scene->ground, scene->context);
+  EXPECT_GT(worst(careful), worst(mesh));
+  for (HexId h : mesh.hexes.ids()) EXPECT_GE(scaled_jacobian(corners_of(careful, h)), std::min(0.1, scaled_jacobian(corners_of(mesh, h))));
   std::vector<VertexId> all;
   for (VertexId v : mesh.position.ids()) all.push_back(v);
-  const HexMesh held = polish_poorest(mesh, all, scene->ground, scene->context);
+  const HexMesh held = polish_poorest(mesh, 0.1, Losses::ToBeHealed, all, scene->ground, scene->context);
   EXPECT_EQ(held.position, mesh.position);
 }
 
