@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -38,7 +39,7 @@ OptimiseOptions feature_options() {
 double poorest_shape(const std::array<Vec3, 8>& p) {
   double worst = 1;
   for (std::size_t c = 0; c < 8; ++c) {
-    const auto edge = [&](std::size_t k) -> Vec3 { return p[static_cast<std::size_t>(kHexCorners[c][k])] - p[c]; };
+    const auto edge = [&](std::size_t k) -> Vec3 { return p[static_cast<std::uint8_t>(kHexCorners[c][k])] - p[c]; };
     const Vec3 a = edge(0), b = edge(1), d = edge(2);
     const double square = (a.squaredNorm() + b.squaredNorm() + d.squaredNorm()) / 3;
     worst = std::min(worst, square > 0 ? a.cross(b).dot(d) / (square * std::sqrt(square)) : 0);
