@@ -70,6 +70,7 @@ class Router {
     Vec3 offset = Vec3::Zero(), tangent = Vec3::Zero();  // from the curve
     double arc = 0;  // along the curve
   };
+  using Queue = std::priority_queue<std::pair<double, std::int32_t>, std::vector<std::pair<double, std::int32_t>>, std::greater<>>;
   struct Branch {  // where a path may begin: at its corner or, where that has no edge left, on the path of another route that leaves there
     VertexId at;
     double cost = 0;
@@ -129,10 +130,19 @@ class Router {
     return route().border || !m_.plan.routes[static_cast<std::size_t>(other)].border;
   }
 
+  // The vertex may be reached along the edge at that cost: what is cheapest counts.
+  void reach(VertexId v, std::int32_t edge, double cost, Queue& queue) {
+    State& s = state_[v];
+    if (s.epoch == epoch_ && cost >= s.cost) return;
+    s.cost = cost;
+    s.from = edge;
+    s.epoch = epoch_;
+    queue.emplace(cost, v.value);
+  }
+
   std::optional<std::vector<std::int32_t>> shortest(const Port& start, const Port& goal, const Way& way) {
     ++epoch_;
-    using Item = std::pair<double, std::int32_t>;
-    std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
+    Queue queue;
     State& origin = located(start.vertex);
     origin.cost = 0;
     origin.from = -1;
@@ -151,12 +161,7 @@ class Router {
         if (!may_step(u, e, goal.vertex, way)) continue;
         const double next = cost + weight(v, u, way);
         if (!std::isfinite(next)) continue;
-        State& s = state_[u];
-        if (s.epoch == epoch_ && next >= s.cost) continue;
-        s.cost = next;
-        s.from = e;
-        s.epoch = epoch_;
-        queue.emplace(next, u.value);
+        reach(u, e, next, queue);
       }
     }
     return std::nullopt;
@@ -188,8 +193,7 @@ class Router {
   std::optional<std::vector<std::int32_t>> shortest_between(const std::vector<Branch>& starts, const std::vector<Branch>& goals,
                                                             const Way& way) {
     ++epoch_;
-    using Item = std::pair<double, std::int32_t>;
-    std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
+    Queue queue;
     const auto branch_at = [](const std::vector<Branch>& branches, VertexId v) {
       return std::find_if(branches.begin(), branches.end(), [&](const Branch& b) { return b.at == v; });
     };
@@ -221,12 +225,7 @@ class Router {
           best = {next, v, e};
           continue;
         }
-        State& s = state_[u];
-        if (s.epoch == epoch_ && next >= s.cost) continue;
-        s.cost = next;
-        s.from = e;
-        s.epoch = epoch_;
-        queue.emplace(next, u.value);
+        reach(u, e, next, queue);
       }
     }
     if (best.edge < 0) return std::nullopt;
@@ -264,8 +263,7 @@ class Router {
       const double arc = located(v).arc - origin_arc;
       return std::min(static_cast<int>(kZones * (arc < 0 ? arc + length : arc) / length), kZones - 1);
     };
-    using Item = std::pair<double, std::int32_t>;
-    std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
+    Queue queue;
     State& origin = state_[start];
     origin.cost = std::numeric_limits<double>::infinity();
     origin.epoch = epoch_;
@@ -278,12 +276,7 @@ class Router {
       if (to != from && to != from + 1) return;
       if (!may_step(u, e, start, way)) return;
       const double next = cost + weight(v, u, way);
-      State& s = state_[u];
-      if (!(next < limit) || (s.epoch == epoch_ && next >= s.cost)) return;
-      s.cost = next;
-      s.from = e;
-      s.epoch = epoch_;
-      queue.emplace(next, u.value);
+      if (next < limit) reach(u, e, next, queue);
     };
     for (std::int32_t e : m_.skin.edges_round(start)) relax(start, 0, e);
     while (!queue.empty()) {
