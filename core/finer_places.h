@@ -36,8 +36,8 @@ Merit merit_of(const HexMesh& mesh, const Ground& ground, const IdMap<CurveId, s
 // Clearly, and in nothing clearly worse.
 bool is_better(const Merit& merit, const Merit& than);
 
-// Cells half as large where curves that count are not shown, round hexes that cost something and round those that are poor. Empty where nothing falls short, or so much that cells would be
-// finer nearly everywhere: then the sizes asked for are too large as a whole.
+// Cells half as large where curves that count are not shown, round hexes that cost something and round those that are poor. Empty where
+// nothing falls short, or so much that cells would be finer nearly everywhere: then the sizes asked for are too large as a whole.
 FinerPlaces finer_places(const HexMesh& mesh, const Shortfall& shortfall, const Ground& ground, const IdMap<CurveId, std::uint8_t>& counts);
 
 }  // namespace strata

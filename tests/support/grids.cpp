@@ -98,4 +98,22 @@ HexMesh random_solid(int n, std::mt19937& random) {
   return make();
 }
 
+Dual uniform_dual(const Locator& locator, int n, const Vec3& shift) {
+  Dual dual;
+  dual.mesh = grid(n, n, n);
+  dual.mesh.quads.clear();
+  dual.mesh.patch.clear();
+  dual.mesh.chart.clear();
+  dual.mesh.region.assign(dual.mesh.hexes.size(), RegionId());
+  const double size = 1.6 / n;
+  dual.cell_size.assign(dual.mesh.position.size(), static_cast<float>(size));
+  dual.cut.resize(dual.mesh.position.size());
+  for (VertexId v : dual.mesh.position.ids()) {
+    Vec3& p = dual.mesh.position[v];
+    p = Vec3::Constant(-0.8) + shift + size * p;
+    dual.cut[v] = locator.closest(p, 4 * size).triangle.valid();
+  }
+  return dual;
+}
+
 }  // namespace strata::testing

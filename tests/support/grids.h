@@ -6,7 +6,9 @@
 #include <functional>
 #include <random>
 
+#include "core/dual/dual.h"
 #include "core/mesh/hex_mesh.h"
+#include "core/surface/locator.h"
 
 namespace strata::testing {
 
@@ -19,6 +21,8 @@ using RegionOfCell = std::function<int(int x, int y, int z)>;
 HexMesh grid_of_regions(int x, int y, int z, const RegionOfCell& region);
 // An n x n x n grid with about a quarter of its cells removed at random, such that what remains is connected and has a 2-manifold boundary.
 HexMesh random_solid(int n, std::mt19937& random);
+// n x n x n cells over [-0.8, 0.8]^3, moved by `shift`, as the dual of a uniform octree is; cut where the surface is near.
+Dual uniform_dual(const Locator& locator, int n, const Vec3& shift);
 // The quads as they should be: boundary faces and interfaces, oriented as HexMesh asks, labels invalid.
 void set_quads(HexMesh& mesh);
 

@@ -23,25 +23,6 @@ namespace {
 
 using testing::check_topology;
 
-// A uniform grid of nodes over [-0.8, 0.8]^3, as the dual of a uniform octree is. `shift` moves it off the symmetry planes.
-Dual uniform_dual(const Locator& locator, int n, double shift = 0.013) {
-  Dual dual;
-  dual.mesh = testing::grid(n, n, n);
-  dual.mesh.quads.clear();
-  dual.mesh.patch.clear();
-  dual.mesh.chart.clear();
-  dual.mesh.region.assign(dual.mesh.hexes.size(), RegionId());
-  const double size = 1.6 / n;
-  dual.cell_size.assign(dual.mesh.position.size(), static_cast<float>(size));
-  dual.cut.resize(dual.mesh.position.size());
-  for (VertexId v : dual.mesh.position.ids()) {
-    Vec3& p = dual.mesh.position[v];
-    p = Vec3::Constant(-0.8 + shift) + size * p;
-    dual.cut[v] = locator.closest(p, 4 * size).triangle.valid();
-  }
-  return dual;
-}
-
 struct Made {
   Surface surface;
   HexMesh mesh;
@@ -54,7 +35,7 @@ Made carve_soup(TriangleSoup soup, int n, const VolumeSpec& volume = {}, double 
   CarveOptions options;
   options.volume = volume;
   for (Vec3& p : options.volume.points) p = surface.frame.to_work(p);
-  HexMesh mesh = carve(uniform_dual(locator, n, shift), surface, locator, options, context).mesh;
+  HexMesh mesh = carve(testing::uniform_dual(locator, n, Vec3::Constant(shift)), surface, locator, options, context).mesh;
   return {std::move(surface), std::move(mesh), context.adjustments()};
 }
 std::size_t region_count(const HexMesh& mesh) { return std::set<RegionId>(mesh.region.begin(), mesh.region.end()).size(); }

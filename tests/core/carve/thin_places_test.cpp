@@ -28,23 +28,6 @@ constexpr double kSize = 1.6 / kCells;
 
 double uniform(std::mt19937& random, double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
 
-Dual uniform_dual(const Locator& locator, const Vec3& shift) {
-  Dual dual;
-  dual.mesh = testing::grid(kCells, kCells, kCells);
-  dual.mesh.quads.clear();
-  dual.mesh.patch.clear();
-  dual.mesh.chart.clear();
-  dual.mesh.region.assign(dual.mesh.hexes.size(), RegionId());
-  dual.cell_size.assign(dual.mesh.position.size(), static_cast<float>(kSize));
-  dual.cut.resize(dual.mesh.position.size());
-  for (VertexId v : dual.mesh.position.ids()) {
-    Vec3& p = dual.mesh.position[v];
-    p = Vec3::Constant(-0.8) + shift + kSize * p;
-    dual.cut[v] = locator.closest(p, 4 * kSize).triangle.valid();
-  }
-  return dual;
-}
-
 // The shape, turned and shifted at random, in the frame that it is meshed in, which must be as large as the shape's own.
 HexMesh carve_at_random(TriangleSoup soup, std::mt19937& random, std::vector<Vec3>& marks) {
   const Vec3 axis(uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, 0.1, 1));
@@ -58,7 +41,8 @@ HexMesh carve_at_random(TriangleSoup soup, std::mt19937& random, std::vector<Vec
   for (Vec3& p : marks) p = surface.frame.to_work(p);
   const Locator locator(surface);
   const Vec3 shift = 0.5 * kSize * Vec3(uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1));
-  return carve(uniform_dual(locator, shift), surface, locator, {.volume = {}, .depth = 0.3, .thin_places = true}, context).mesh;
+  return carve(testing::uniform_dual(locator, kCells, shift), surface, locator, {.volume = {}, .depth = 0.3, .thin_places = true}, context)
+      .mesh;
 }
 
 // From the mark to the nearest vertex, in cells.
