@@ -135,10 +135,10 @@ class JobDesk {
   void start(const Lock& lock, Live& live);
   void happened(const std::string& job_id, v1::WatchJobResponse event);
   static void note(Live& live, v1::WatchJobResponse& event);
-  void finished(const std::string& job_id, v1::Job result);
+  void finished(const std::string& job_id, const v1::Job& result);
   void settle_accounts(const Lock& lock, Live& live, const v1::Job& result);
-  [[nodiscard]] v1::Job ended(const Live& live, v1::Job result) const;
-  void finish(Lock& lock, Live& live, v1::Job result);
+  [[nodiscard]] v1::Job ended(const Live& live, const v1::Job& result) const;
+  void finish(Lock& lock, Live& live, const v1::Job& result);
   v1::WatchJobResponse& log(const Lock& lock, Live& live, v1::WatchJobResponse event);
   [[nodiscard]] bool save(const v1::Job& job, const std::vector<v1::WatchJobResponse>& events);
   void close(const Lock& lock, Live& live);

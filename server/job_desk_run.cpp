@@ -55,7 +55,7 @@ void JobDesk::start(const Lock& lock, Live& live) {
   const std::string id = job.job_id();
   runner_.start(
       {id, request, threads, owner_key(job.tenant()), job.traceparent(), job.usage().queue_seconds()},
-      [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); }, [this, id](v1::Job result) { finished(id, std::move(result)); });
+      [this, id](v1::WatchJobResponse e) { happened(id, std::move(e)); }, [this, id](const v1::Job& result) { finished(id, result); });
 }
 
 v1::WatchJobResponse& JobDesk::log(const Lock&, Live& live, v1::WatchJobResponse event) {
@@ -102,7 +102,7 @@ void JobDesk::note(Live& live, v1::WatchJobResponse& event) {
   live.progress.reset();
 }
 
-void JobDesk::finished(const std::string& job_id, v1::Job result) {
+void JobDesk::finished(const std::string& job_id, const v1::Job& result) {
   std::vector<std::weak_ptr<Watcher>> watchers;
   {
     Lock lock(mutex_);
@@ -112,7 +112,7 @@ void JobDesk::finished(const std::string& job_id, v1::Job result) {
       settle_accounts(lock, live, result);
       watchers = live.watchers;
       const bool interrupted = closing_ && result.state() == v1::JOB_STATE_CANCELLED && !live.stored.job.cancel_requested();
-      if (!interrupted) finish(lock, live, std::move(result));  // an interrupted job runs again after the restart
+      if (!interrupted) finish(lock, live, result);  // an interrupted job runs again after the restart
     }
     --running_;
     schedule(lock);
@@ -134,14 +134,7 @@ void JobDesk::settle_accounts(const Lock&, Live& live, const v1::Job& result) {
 }
 
 // The job with its end.
-v1::Job JobDesk::ended(const Live& live, v1::Job result) const {
-  if (live.out_of_time && result.state() == v1::JOB_STATE_CANCELLED) {
-    const v1::JobError stopped = result.error();
-    result.set_state(v1::JOB_STATE_FAILED);
-    *result.mutable_error() = job_error(4, "TIME_BUDGET_EXCEEDED", "the job took longer than its time limit");
-    result.mutable_error()->set_stage(stopped.stage());
-    result.mutable_error()->set_backtrace(stopped.backtrace());
-  }
+v1::Job JobDesk::ended(const Live& live, const v1::Job& result) const {
   v1::Job job = live.stored.job;
   const double queued = job.usage().queue_seconds();
   job.MergeFrom(result);
@@ -160,10 +153,10 @@ v1::Job JobDesk::ended(const Live& live, v1::Job result) const {
 }
 
 // The one place where a job becomes final: first in the store, then for everybody to see. Lets go of the lock meanwhile.
-void JobDesk::finish(Lock& lock, Live& live, v1::Job result) {
+void JobDesk::finish(Lock& lock, Live& live, const v1::Job& result) {
   live.ending = true;
   saved_.wait(lock, [&] { return !live.saving; });
-  v1::Job job = ended(live, std::move(result));
+  v1::Job job = ended(live, result);
   job.set_last_sequence(live.stored.job.last_sequence() + 1);
   v1::WatchJobResponse last;
   last.set_sequence(job.last_sequence());

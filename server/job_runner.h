@@ -23,7 +23,7 @@ class JobRunner {
   [[nodiscard]] virtual int slots() const = 0;
   // Starts a job and returns at once; at most slots() may be under way. Events and the result come from another thread.
   virtual void start(JobOrder order, EventSink on_event, Done on_done) = 0;
-  // Asks a running job to stop; its result comes through on_done as ever.
+  // Asks a running job to stop; its result comes through on_done as ever: cancelled, or failed when it is out of time. The first reason counts.
   virtual void cancel(const std::string& job_id, Stop why) = 0;
 };
 

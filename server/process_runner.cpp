@@ -69,6 +69,7 @@ class ProcessRunner final : public JobRunner {
         stop_flag = stops_[task.order.job_id];
       }
       v1::Job result = run(task, *stop_flag);
+      if (*stop_flag == 1 + static_cast<int>(Stop::OutOfTime)) result = out_of_time(std::move(result));
       {
         const std::lock_guard lock(mutex_);
         stops_.erase(task.order.job_id);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/mesher.h"
+#include "server/job_error.h"
 #include "server/job_runner.h"
 
 namespace strata::server {
@@ -23,7 +24,7 @@ class ThreadRunner final : public JobRunner {
   ~ThreadRunner() override {
     {
       const std::lock_guard lock(mutex_);
-      for (auto& [id, cancelled] : cancelled_) *cancelled = true;
+      for (auto& [id, stop] : stops_) stop->now = true;
     }
     threads_.clear();  // asks each to stop, then joins
   }
@@ -32,15 +33,17 @@ class ThreadRunner final : public JobRunner {
 
   void start(JobOrder order, EventSink on_event, Done on_done) override {
     const std::lock_guard lock(mutex_);
-    cancelled_[order.job_id] = std::make_shared<std::atomic<bool>>(false);
+    stops_[order.job_id] = std::make_shared<StopOrder>();
     waiting_.push_back({std::move(order), std::move(on_event), std::move(on_done)});
     changed_.notify_one();
   }
 
-  void cancel(const std::string& job_id, Stop) override {
+  void cancel(const std::string& job_id, Stop why) override {
     const std::lock_guard lock(mutex_);
-    const auto found = cancelled_.find(job_id);
-    if (found != cancelled_.end()) *found->second = true;
+    const auto found = stops_.find(job_id);
+    if (found == stops_.end() || found->second->now) return;
+    found->second->why = why;
+    found->second->now = true;
   }
 
  private:
@@ -49,25 +52,30 @@ class ThreadRunner final : public JobRunner {
     EventSink on_event;
     Done on_done;
   };
+  struct StopOrder {
+    Stop why = Stop::Cancelled;  // told before `now`, and not again
+    std::atomic<bool> now = false;
+  };
 
   void serve(const std::stop_token& stop) {
     while (true) {
       Task task;
-      std::shared_ptr<std::atomic<bool>> cancelled;
+      std::shared_ptr<StopOrder> stop_order;
       {
         std::unique_lock lock(mutex_);
         if (!changed_.wait(lock, stop, [this] { return !waiting_.empty(); })) return;
         task = std::move(waiting_.front());
         waiting_.pop_front();
-        cancelled = cancelled_[task.order.job_id];
+        stop_order = stops_[task.order.job_id];
       }
       task.order.memory_budget_bytes = memory_.budget();
-      const MemoryGate gate = [&](const Estimate& estimate) { wait_for_memory(task.order.job_id, estimate, *cancelled); };
-      v1::Job result = run_mesh_job(task.order, blobs_, mesher_, *cancelled, gate, task.on_event);
+      const MemoryGate gate = [&](const Estimate& estimate) { wait_for_memory(task.order.job_id, estimate, stop_order->now); };
+      v1::Job result = run_mesh_job(task.order, blobs_, mesher_, stop_order->now, gate, task.on_event);
+      if (stop_order->now && stop_order->why == Stop::OutOfTime) result = out_of_time(std::move(result));
       memory_.release(task.order.job_id);
       {
         const std::lock_guard lock(mutex_);
-        cancelled_.erase(task.order.job_id);
+        stops_.erase(task.order.job_id);
       }
       task.on_done(std::move(result));
     }
@@ -85,7 +93,7 @@ class ThreadRunner final : public JobRunner {
   std::mutex mutex_;
   std::condition_variable_any changed_;
   std::deque<Task> waiting_;
-  std::map<std::string, std::shared_ptr<std::atomic<bool>>> cancelled_;
+  std::map<std::string, std::shared_ptr<StopOrder>> stops_;
   std::vector<std::jthread> threads_;
 };
 

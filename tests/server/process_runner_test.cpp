@@ -105,6 +105,8 @@ TEST_F(ProcessRunner, ALoopThatIsOutOfTimeTellsWhereItWas) {
   wait_for_progress(id);
   runner_->cancel(id, Stop::OutOfTime);
   const Run run = wait(id);
+  EXPECT_EQ(run.job.state(), v1::JOB_STATE_FAILED) << "what logs, traces and metrics hear is what the record says";
+  EXPECT_EQ(run.job.error().reason(), "TIME_BUDGET_EXCEEDED");
   EXPECT_EQ(run.job.error().stage(), v1::STAGE_FIT_TO_SMOOTH);
   EXPECT_NE(run.job.error().backtrace().find("loop_for_ever"), std::string::npos) << run.job.error().backtrace();
 }
