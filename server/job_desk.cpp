@@ -1,5 +1,7 @@
 #include "server/job_desk.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -14,10 +16,13 @@ constexpr std::chrono::milliseconds kTick{100};
 constexpr int kDefaultPage = 100;
 constexpr int kMaxPage = 1000;
 constexpr double kRetryWatch = 5;  // seconds
+constexpr std::int64_t kLongAgo = 1;  // seconds since 1970: expired, whatever the clock says
 
 Refusal no_job(const std::string& job_id) {
   return Refusal(Refused::NotFound, "JOB_NOT_FOUND", is_id(job_id) ? "there is no job " + job_id : "there is no such job").at("job_id");
 }
+
+v1::Job cancelled_before_it_ran() { return ended_badly(job_error(1, "CANCELLED", "the job was cancelled before it ran")); }
 
 }  // namespace
 
@@ -40,10 +45,13 @@ JobDesk::~JobDesk() {
   drain();
   ticker_.request_stop();
   ticker_.join();
-  Lock lock(mutex_);
-  closing_ = true;
-  for (auto& [id, live] : live_) runner_.cancel(id, Stop::Cancelled);
-  idle_.wait(lock, [this] { return running_ == 0; });
+  {
+    Lock lock(mutex_);
+    closing_ = true;
+    for (auto& [id, live] : live_) runner_.cancel(id, Stop::Cancelled);
+    idle_.wait(lock, [this] { return running_ == 0; });
+  }
+  forget_ended();
 }
 
 // ---- questions and orders
@@ -90,20 +98,24 @@ JobPage JobDesk::list(const Caller& caller, const v1::ListJobsRequest& request) 
   return page;
 }
 
+// Once answered it holds, whatever ends the server meanwhile.
 v1::Job JobDesk::cancel(const Caller& caller, const std::string& job_id) {
   std::vector<std::weak_ptr<Watcher>> watchers;
+  std::optional<v1::Job> unrun;
   {
     Lock lock(mutex_);
     if (Live* live = find_live(lock, caller, job_id); live != nullptr && !live->ending && !live->unsaved) {
       watchers = live->watchers;
       if (queue_.remove(job_id)) {
-        finish(lock, *live, ended_badly(job_error(1, "CANCELLED", "the job was cancelled before it ran")));
+        unrun = finish(lock, *live, cancelled_before_it_ran());
       } else {
         live->stored.job.set_cancel_requested(true);
         runner_.cancel(job_id, Stop::Cancelled);
+        save_live(lock, job_id);
       }
     }
   }
+  if (unrun) options_.on_unrun(*unrun);
   poke(std::move(watchers));
   return get(caller, job_id);
 }
@@ -117,12 +129,17 @@ void JobDesk::remove(const Caller& caller, const v1::DeleteJobRequest& request) 
   }
   bool is_live = false;
   {
-    const Lock lock(mutex_);
+    Lock lock(mutex_);
+    saved_.wait(lock, [&] {
+      const auto found = live_.find(id);
+      return found == live_.end() || !found->second->ending;
+    });
     if (Live* live = find_live(lock, caller, id)) {
       is_live = true;
       if (!request.cancel_if_running())
         throw Refusal(Refused::FailedPrecondition, "JOB_NOT_FINISHED", "job " + id + " has not ended: cancel it first").at("job_id");
       live->remove_when_done = true;
+      live->stored.job.mutable_expire_time()->set_seconds(kLongAgo);  // after a restart it goes by this
     }
   }
   if (!is_live) return forget(id);
@@ -130,6 +147,25 @@ void JobDesk::remove(const Caller& caller, const v1::DeleteJobRequest& request) 
     cancel(caller, id);
   } catch (const Refusal&) {
     // it is gone already: that was the order
+  }
+  forget_ended();
+}
+
+// Those that were removed while they ran. One that cannot be forgotten now has expired: the sweep finds it.
+void JobDesk::forget_ended() {
+  std::vector<std::string> ids;
+  {
+    const Lock lock(mutex_);
+    ids.swap(to_forget_);
+  }
+  for (const std::string& id : ids) forget_or_log(id);
+}
+
+void JobDesk::forget_or_log(const std::string& job_id) {
+  try {
+    forget(job_id);
+  } catch (const Refusal& refusal) {
+    spdlog::error(R"("msg":"cannot forget a job now","job":"{}","reason":"{}")", job_id, refusal.reason);
   }
 }
 

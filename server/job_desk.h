@@ -38,6 +38,7 @@ struct DeskOptions {
   std::string generator;              // version written into jobs
   std::function<TenantLimits(const std::string&)> limits_of = [](const std::string&) { return TenantLimits{}; };
   std::function<std::int64_t()> wall_clock;  // seconds since 1970; empty: the system's
+  std::function<void(const v1::Job&)> on_unrun = [](const v1::Job&) {};  // hears of jobs that ended without a runner
 };
 
 // Wants to know when there may be news of a job. poke() comes from any thread, without any lock of the desk, and must be quick.
@@ -114,7 +115,7 @@ class JobDesk {
     bool running = false;
     bool out_of_time = false;
     bool remove_when_done = false;
-    bool saving = false;  // the tick writes it, without the lock
+    bool saving = false;  // somebody writes it, without the lock
     bool ending = false;  // its end is decided and being written
     bool unsaved = false;  // final, but the store did not take it: the tick tries again
   };
@@ -138,7 +139,7 @@ class JobDesk {
   void finished(const std::string& job_id, const v1::Job& result);
   void settle_accounts(const Lock& lock, Live& live, const v1::Job& result);
   [[nodiscard]] v1::Job ended(const Live& live, const v1::Job& result) const;
-  void finish(Lock& lock, Live& live, const v1::Job& result);
+  v1::Job finish(Lock& lock, Live& live, const v1::Job& result);
   v1::WatchJobResponse& log(const Lock& lock, Live& live, v1::WatchJobResponse event);
   [[nodiscard]] bool save(const v1::Job& job, const std::vector<v1::WatchJobResponse>& events);
   void close(const Lock& lock, Live& live);
@@ -150,6 +151,9 @@ class JobDesk {
   void tick();
   std::vector<std::weak_ptr<Watcher>> watchers_to_poke(const Lock& lock);
   void save_progress(Lock& lock);
+  void save_live(Lock& lock, const std::string& job_id);
+  void forget_ended();
+  void forget_or_log(const std::string& job_id);
   void stop_late_jobs(const Lock& lock);
   void sweep();
   void sweep_blobs(std::int64_t now);
@@ -168,6 +172,7 @@ class JobDesk {
   JobQueue queue_;
   int running_ = 0;
   int arriving_ = 0;  // being stored
+  std::vector<std::string> to_forget_;  // removed while they ran, and ended since
   std::map<std::string, int> running_of_;  // tenant
   std::map<std::string, double> typical_cost_;  // tenant: core seconds of its jobs of late
   double typical_wall_ = 10;  // seconds of the jobs of late

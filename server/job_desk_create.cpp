@@ -202,7 +202,7 @@ void JobDesk::resume_stored_jobs() {
   schedule(lock);
 }
 
-// False when the job has been started too often: it may be what ends the server each time.
+// False when the job has ended now: its owner had cancelled it, or it has been started too often and may be what ends the server each time.
 bool JobDesk::resume(const Lock& lock, StoredJob stored) {
   const std::string id = stored.job.job_id();
   auto live = std::make_unique<Live>();
@@ -213,12 +213,16 @@ bool JobDesk::resume(const Lock& lock, StoredJob stored) {
   v1::Job& job = live->stored.job;
   const bool deadly = options_.max_starts > 0 && job.attempt() >= options_.max_starts;
   job.set_last_sequence(job.last_sequence() + kSequenceGap);
-  if (deadly) {
-    job = ended(*live, ended_badly(job_error(13, "POISON_JOB",
-                                             "the server ended " + std::to_string(job.attempt()) + " times while it ran this job")));
+  if (job.cancel_requested() || deadly) {
+    live->remove_when_done = job.has_expire_time();  // nothing else expires before its end
+    job = ended(*live, ended_badly(job.cancel_requested()
+                                       ? job_error(1, "CANCELLED", "the run was cancelled")
+                                       : job_error(13, "POISON_JOB",
+                                                   "the server ended " + std::to_string(job.attempt()) + " times while it ran this job")));
     v1::WatchJobResponse event;
     event.mutable_state_changed()->set_state(job.state());
     jobs_.update(job, {log(lock, *live, std::move(event))});
+    options_.on_unrun(job);
     return false;
   }
   if (job.state() == v1::JOB_STATE_RUNNING) {

@@ -143,7 +143,7 @@ v1::Job JobDesk::ended(const Live& live, const v1::Job& result) const {
   *job.mutable_end_time() = timestamp_now();
   const double asked = live.stored.request.result_ttl_seconds(), most = options_.result_ttl_seconds;
   const double ttl = std::min(asked > 0 && (most == 0 || asked < most) ? asked : most, kLongestTtl);
-  if (ttl > 0) job.mutable_expire_time()->set_seconds(wall_seconds() + static_cast<std::int64_t>(std::ceil(ttl)));
+  if (ttl > 0 && !live.remove_when_done) job.mutable_expire_time()->set_seconds(wall_seconds() + static_cast<std::int64_t>(std::ceil(ttl)));
   if (job.state() == v1::JOB_STATE_SUCCEEDED && job.has_progress()) {
     job.mutable_progress()->set_fraction(1);
     job.mutable_progress()->set_stage_fraction(1);
@@ -153,7 +153,7 @@ v1::Job JobDesk::ended(const Live& live, const v1::Job& result) const {
 }
 
 // The one place where a job becomes final: first in the store, then for everybody to see. Lets go of the lock meanwhile.
-void JobDesk::finish(Lock& lock, Live& live, const v1::Job& result) {
+v1::Job JobDesk::finish(Lock& lock, Live& live, const v1::Job& result) {
   live.ending = true;
   saved_.wait(lock, [&] { return !live.saving; });
   v1::Job job = ended(live, result);
@@ -167,19 +167,20 @@ void JobDesk::finish(Lock& lock, Live& live, const v1::Job& result) {
   lock.unlock();
   const bool all_saved = save(job, events);
   lock.lock();
-  live.stored.job = std::move(job);
+  live.stored.job = job;
   live.log.push_back(std::move(last));
   live.unsaved = !all_saved;
   live.ending = false;
   if (all_saved) close(lock, live);
+  saved_.notify_all();
+  return job;
 }
 
 // Leaves a final job to the store alone.
 void JobDesk::close(const Lock&, Live& live) {
   const std::string id = live.stored.job.job_id();
-  const bool remove = live.remove_when_done;
+  if (live.remove_when_done) to_forget_.push_back(id);
   live_.erase(id);
-  if (remove) forget(id);
 }
 
 // A store that fails for a while must not end a run: false, and the job goes on from memory.

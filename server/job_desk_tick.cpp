@@ -36,6 +36,7 @@ void JobDesk::tick() {
     watchers = watchers_to_poke(lock);
   }
   poke(std::move(watchers));
+  forget_ended();
   if (Clock::now() - swept_ >= kSweepEvery) {
     swept_ = Clock::now();
     sweep();
@@ -57,24 +58,31 @@ void JobDesk::save_progress(Lock& lock) {
   std::vector<std::string> ids;
   for (const auto& [id, live] : live_)
     if (!live->ending && (live->unsaved || live->saved_events < live->log.size())) ids.push_back(id);
-  for (const std::string& id : ids) {
-    const auto found = live_.find(id);
-    if (found == live_.end() || found->second->ending) continue;
-    Live& live = *found->second;
-    live.saving = true;
-    const v1::Job job = live.stored.job;
-    const std::size_t upto = live.log.size();
-    const std::vector<v1::WatchJobResponse> events(live.log.begin() + static_cast<std::ptrdiff_t>(live.saved_events), live.log.end());
-    lock.unlock();
-    const bool all_saved = save(job, events);
-    lock.lock();
-    live.saving = false;
-    saved_.notify_all();
-    if (!all_saved) continue;
-    live.saved_events = upto;
-    if (!std::exchange(live.unsaved, false)) continue;
-    close(lock, live);
-  }
+  for (const std::string& id : ids) save_live(lock, id);
+}
+
+// What the store does not know yet of a job. Lets go of the lock while it writes; the job may be gone afterwards.
+void JobDesk::save_live(Lock& lock, const std::string& job_id) {
+  auto found = live_.end();
+  const auto free_to_write = [&] {
+    found = live_.find(job_id);
+    return found == live_.end() || !found->second->saving;
+  };
+  saved_.wait(lock, free_to_write);
+  if (found == live_.end() || found->second->ending) return;
+  Live& live = *found->second;
+  live.saving = true;
+  const v1::Job job = live.stored.job;
+  const std::size_t upto = live.log.size();
+  const std::vector<v1::WatchJobResponse> events(live.log.begin() + static_cast<std::ptrdiff_t>(live.saved_events), live.log.end());
+  lock.unlock();
+  const bool all_saved = save(job, events);
+  lock.lock();
+  live.saving = false;
+  saved_.notify_all();
+  if (!all_saved) return;
+  live.saved_events = upto;
+  if (std::exchange(live.unsaved, false)) close(lock, live);
 }
 
 void JobDesk::stop_late_jobs(const Lock&) {
@@ -115,7 +123,7 @@ void JobDesk::sweep() {
   try {
     for (const std::string& id : jobs_.expired(now, kForgottenAtOnce)) {
       spdlog::info(R"("msg":"job forgotten","job":"{}")", id);
-      forget(id);
+      forget_or_log(id);
     }
     if (Clock::now() - swept_blobs_ >= kSweepBlobsEvery) {
       swept_blobs_ = Clock::now();

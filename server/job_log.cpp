@@ -25,7 +25,7 @@ class LoggedRunner final : public JobRunner {
       on_event(std::move(event));
     };
     auto ended = [id, on_done = std::move(on_done)](v1::Job result) {
-      log_result(id, result);
+      log_end(id, result);
       on_done(std::move(result));
     };
     runner_.start(std::move(order), std::move(seen), std::move(ended));
@@ -39,12 +39,6 @@ class LoggedRunner final : public JobRunner {
     if (event.has_adjustment()) spdlog::info(R"("msg":"adjusted","job":"{}","reason":"{}")", id, event.adjustment().reason());
   }
 
-  static void log_result(const std::string& id, const v1::Job& job) {
-    spdlog::info(R"("msg":"job ended","job":"{}","state":"{}","reason":"{}","error":"{}","wall_s":{:.3f},"cpu_s":{:.3f},"hexes":{})", id,
-                 v1::JobState_Name(job.state()), job.error().reason(), json_escaped(job.error().message()), job.usage().wall_seconds(),
-                 job.usage().cpu_seconds(), job.hexes());
-  }
-
   JobRunner& runner_;
 };
 
@@ -53,6 +47,12 @@ class LoggedRunner final : public JobRunner {
 std::string json_escaped(const std::string& text) {
   const std::string quoted = nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
   return quoted.substr(1, quoted.size() - 2);
+}
+
+void log_end(const std::string& job_id, const v1::Job& job) {
+  spdlog::info(R"("msg":"job ended","job":"{}","state":"{}","reason":"{}","error":"{}","wall_s":{:.3f},"cpu_s":{:.3f},"hexes":{})", job_id,
+               v1::JobState_Name(job.state()), job.error().reason(), json_escaped(job.error().message()), job.usage().wall_seconds(),
+               job.usage().cpu_seconds(), job.hexes());
 }
 
 std::unique_ptr<JobRunner> log_jobs(JobRunner& runner) { return std::make_unique<LoggedRunner>(runner); }

@@ -51,7 +51,7 @@ class JobStore {
   // Every job that has not ended, oldest first; for start-up.
   virtual std::vector<StoredJob> unfinished() const = 0;
   virtual std::int64_t count() const = 0;
-  // Some jobs whose Job.expire_time is before this, in seconds since 1970.
+  // Some jobs that have ended and whose Job.expire_time is before this, in seconds since 1970.
   virtual std::vector<std::string> expired(std::int64_t now, int at_most) const = 0;
   // Does a job need this blob, as surface or as result?
   virtual bool uses(const std::string& blob_id) const = 0;

@@ -130,6 +130,10 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   const auto measured = metrics.measure(*traced);
   DeskOptions options = config.desk;
   options.limits_of = [&gate](const std::string& tenant) { return gate.limits_of(tenant); };
+  options.on_unrun = [&metrics](const strata::v1::Job& job) {
+    log_end(job.job_id(), job);
+    metrics.count_unrun(job);
+  };
   JobDesk desk(*jobs, *blobs, *measured, *checker, mesher, options);
   Server server(config.server, watch_calls(metrics, tracer), gate, desk, *blobs);
   if (!config.metrics_listen.empty()) metrics.serve(config.metrics_listen, desk, memory);

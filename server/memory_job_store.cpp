@@ -93,7 +93,8 @@ class MemoryJobStore final : public JobStore {
     std::vector<std::string> result;
     for (const auto& [order, row] : rows_) {
       const std::int64_t expiry = expiry_of(row.stored.job);
-      if (expiry != 0 && expiry < now && static_cast<int>(result.size()) < at_most) result.push_back(row.stored.job.job_id());
+      if (is_final(row.stored.job.state()) && expiry != 0 && expiry < now && static_cast<int>(result.size()) < at_most)
+        result.push_back(row.stored.job.job_id());
     }
     return result;
   }

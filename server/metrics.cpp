@@ -106,8 +106,12 @@ struct Metrics::Parts {
   std::shared_ptr<LoadGauges> load;
   std::unique_ptr<prometheus::Exposer> exposer;
 
-  void count(const v1::Job& job) {
+  void count_end(const v1::Job& job) {
     finished.Add({{"state", short_name(v1::JobState_Name(job.state()), 10)}, {"reason", job.error().reason()}}).Increment();
+  }
+
+  void count(const v1::Job& job) {
+    count_end(job);
     for (const v1::StageRecord& stage : job.stages())
       stage_seconds.Add({{"stage", short_name(v1::Stage_Name(stage.stage()), 6)}}, kSeconds).Observe(stage.seconds());
     job_seconds.Observe(job.usage().wall_seconds());
@@ -157,6 +161,8 @@ Metrics::Metrics() : parts_(std::make_unique<Parts>()) {}
 Metrics::~Metrics() = default;
 
 std::unique_ptr<JobRunner> Metrics::measure(JobRunner& runner) { return std::make_unique<Parts::MeasuredRunner>(runner, *parts_); }
+
+void Metrics::count_unrun(const v1::Job& job) { parts_->count_end(job); }
 
 void Metrics::call_began(const std::string& rpc) { parts_->open_calls.Add({{"rpc", rpc}}).Increment(); }
 

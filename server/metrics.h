@@ -16,6 +16,8 @@ class Metrics {
 
   // Counts what passes through the runner. The result must not outlive `runner` or this.
   std::unique_ptr<JobRunner> measure(JobRunner& runner);
+  // A job that ended without a runner.
+  void count_unrun(const v1::Job& job);
   // A call of a service, such as "JobService/GetJob".
   void call_began(const std::string& rpc);
   void call_ended(const std::string& rpc, const std::string& code, double seconds);

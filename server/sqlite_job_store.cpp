@@ -134,7 +134,7 @@ class SqliteJobStore final : public JobStore {
 
   std::vector<std::string> expired(std::int64_t now, int at_most) const override {
     const std::lock_guard lock(reading_);
-    Statement rows(reader_.get(), "SELECT id FROM job WHERE expiry > 0 AND expiry < ? ORDER BY expiry LIMIT ?");
+    Statement rows(reader_.get(), "SELECT id FROM job WHERE expiry > 0 AND expiry < ? AND final = 1 ORDER BY expiry LIMIT ?");
     rows.number(now).number(at_most);
     std::vector<std::string> ids;
     while (rows.step()) ids.emplace_back(rows.bytes_at(0));

@@ -8,6 +8,7 @@
 
 #include "core/base/context.h"
 #include "server/ids.h"
+#include "server/refusal.h"
 #include "tests/server/server_fixture.h"
 
 namespace strata::server {
@@ -295,6 +296,119 @@ TEST_F(Desk, AJobThatEndsTheServerEachTimeIsNotStartedForEver) {
   const v1::Job job = desk_->get(Caller{}, poison.job.job_id());
   EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(job.error().reason(), "POISON_JOB");
+}
+
+// What the store says at the moment of the answer is what a crash would leave.
+TEST_F(Desk, ACancelOrARemovalOfARunningJobIsStoredWhenItIsAnswered) {
+  start();
+  for (const bool remove : {false, true}) {
+    mesher_.hold();
+    std::atomic<bool> go_on = false;
+    mesher_.on_generate = [&] {
+      while (!go_on) std::this_thread::sleep_for(1ms);
+    };
+    const std::string id = create(tetrahedron_job()).job_id();
+    ASSERT_TRUE(within(5s, [&] { return desk_->load().running == 1; }));
+    v1::DeleteJobRequest request;
+    request.set_job_id(id);
+    request.set_cancel_if_running(true);
+    if (remove) desk_->remove({}, request);
+    else desk_->cancel({}, id);
+    const v1::Job stored = jobs_->find(id)->job;
+    go_on = true;
+    EXPECT_TRUE(stored.cancel_requested());
+    EXPECT_EQ(stored.has_expire_time(), remove);
+    if (remove) EXPECT_TRUE(within(5s, [&] { return !exists(id); }));
+    else EXPECT_EQ(wait_final(id).state(), v1::JOB_STATE_CANCELLED);
+    mesher_.on_generate = [] {};
+    ASSERT_TRUE(within(5s, [&] { return desk_->load().running == 0; }));
+  }
+}
+
+TEST_F(Desk, WhatWasCancelledOrRemovedBeforeACrashDoesNotRunAfterIt) {
+  start();
+  StoredJob cancelled, removed;
+  for (StoredJob* one : {&cancelled, &removed}) {
+    one->job.set_job_id(random_id());
+    one->job.set_state(v1::JOB_STATE_RUNNING);
+    one->job.set_attempt(1);
+    one->job.set_cancel_requested(true);
+  }
+  removed.job.mutable_expire_time()->set_seconds(1);
+  ASSERT_TRUE(jobs_->insert(cancelled, {}));
+  ASSERT_TRUE(jobs_->insert(removed, {}));
+  server_.reset();
+  desk_.reset();
+  std::atomic<int> told = 0;
+  DeskOptions options;
+  options.result_ttl_seconds = 1000;
+  options.on_unrun = [&](const v1::Job& job) { told += job.state() == v1::JOB_STATE_CANCELLED ? 1 : 0; };
+  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, *checker_, mesher_.door(), options);
+  EXPECT_EQ(told, 2);
+  EXPECT_EQ(desk_->get(Caller{}, cancelled.job.job_id()).state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_TRUE(within(12s, [&] { return !exists(removed.job.job_id()); }));
+  EXPECT_TRUE(exists(cancelled.job.job_id()));
+}
+
+TEST_F(Desk, AJobThatIsCancelledInTheQueueIsToldOfToo) {
+  TestOptions options;
+  std::atomic<int> told = 0;
+  options.desk.on_unrun = [&](const v1::Job& job) { told += job.state() == v1::JOB_STATE_CANCELLED ? 1 : 0; };
+  start(options);
+  mesher_.hold();
+  const std::string running = create(tetrahedron_job()).job_id(), waiting = create(tetrahedron_job()).job_id();
+  desk_->cancel({}, waiting);
+  EXPECT_EQ(told, 1);
+  desk_->cancel({}, running);
+  EXPECT_EQ(wait_final(running).state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(told, 1) << "its runner told of the other";
+}
+
+// A store that cannot forget, for a while.
+class StubbornStore final : public JobStore {
+ public:
+  explicit StubbornStore(JobStore& store) : store_(store) {}
+  std::atomic<bool> keeps = true;
+
+  bool insert(const StoredJob& stored, const v1::WatchJobResponse& first_event) override { return store_.insert(stored, first_event); }
+  std::optional<StoredJob> find(const std::string& id) const override { return store_.find(id); }
+  std::optional<StoredJob> find_request(const std::string& tenant, const std::string& id) const override {
+    return store_.find_request(tenant, id);
+  }
+  void update(const v1::Job& job, const std::vector<v1::WatchJobResponse>& events) override { store_.update(job, events); }
+  std::vector<v1::WatchJobResponse> events(const std::string& id, std::int64_t after) const override { return store_.events(id, after); }
+  JobPage list(const JobQuery& query) const override { return store_.list(query); }
+  void remove(const std::string& id) override {
+    if (keeps) throw Refusal(Refused::Unavailable, "STORAGE_FAILED", "the store is held by somebody else");
+    store_.remove(id);
+  }
+  std::vector<StoredJob> unfinished() const override { return store_.unfinished(); }
+  std::int64_t count() const override { return store_.count(); }
+  std::vector<std::string> expired(std::int64_t now, int at_most) const override { return store_.expired(now, at_most); }
+  bool uses(const std::string& blob_id) const override { return store_.uses(blob_id); }
+
+ private:
+  JobStore& store_;
+};
+
+TEST_F(Desk, ARemovalThatTheStoreDoesNotTakeIsMadeUpForLater) {
+  start();
+  server_.reset();
+  desk_.reset();
+  StubbornStore store(*jobs_);
+  desk_ = std::make_unique<JobDesk>(store, *blobs_, *runner_, *checker_, mesher_.door(), DeskOptions{});
+  mesher_.hold();
+  const std::string id = desk_->create({}, tetrahedron_job()).job.job_id();
+  v1::DeleteJobRequest request;
+  request.set_job_id(id);
+  request.set_cancel_if_running(true);
+  desk_->remove({}, request);
+  ASSERT_TRUE(within(5s, [&] { return desk_->load().running == 0; }));
+  std::this_thread::sleep_for(300ms);  // the desk tries, and lives
+  EXPECT_TRUE(exists(id));
+  store.keeps = false;
+  EXPECT_TRUE(within(12s, [&] { return !exists(id); }));
+  desk_.reset();
 }
 
 }  // namespace
