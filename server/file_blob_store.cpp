@@ -201,8 +201,8 @@ class FileBlobStore final : public BlobStore {
       upload->sha.add(bytes);
       upload->hashed = upload->written;
     }
-    if (upload->written == upload->info.size) complete(*upload);
-    else if (upload->written - upload->info.committed >= kSyncEvery) commit(*upload);
+    if (upload->written == upload->info.size) or_go_back(*upload, [&] { complete(*upload); });
+    else if (upload->written - upload->info.committed >= kSyncEvery) or_go_back(*upload, [&] { commit(*upload); });
     return upload->info;
   }
 
@@ -211,7 +211,7 @@ class FileBlobStore final : public BlobStore {
   UploadInfo commit_upload(const std::string& id) override {
     const auto upload = upload_or_refuse(id);
     const std::lock_guard lock(upload->mutex);
-    if (!upload->info.blob) commit(*upload);
+    if (!upload->info.blob) or_go_back(*upload, [&] { commit(*upload); });
     upload->file.reset();  // many uploads may wait to be continued
     return upload->info;
   }
@@ -276,6 +276,19 @@ class FileBlobStore final : public BlobStore {
     by_digest_[{blob.sha256, blob.id}] = true;
   }
 
+  // What the disk did not take has to come again: the kernel may have dropped it, and a client goes on at the committed offset.
+  template <class Step>
+  static void or_go_back(Upload& upload, const Step& step) {
+    try {
+      step();
+    } catch (...) {
+      upload.written = upload.info.committed;
+      upload.sha = wire::Sha256();
+      upload.hashed = upload.written == 0 ? 0 : -1;
+      throw;
+    }
+  }
+
   void commit(Upload& upload) const {
     if (upload.info.committed == upload.written) return;
     sync(*upload.file);
@@ -285,11 +298,9 @@ class FileBlobStore final : public BlobStore {
   void complete(Upload& upload) {
     sync(*upload.file);
     const std::string digest = upload.hashed == upload.written ? upload.sha.finish() : digest_of(*upload.file, upload.written);
-    upload.hashed = 0;
     if (!upload.expected.empty() && digest != upload.expected) {
-      upload.sha = wire::Sha256();
       upload.file->truncate(0);
-      upload.written = upload.info.committed = 0;
+      upload.info.committed = 0;
       throw Refusal(Refused::DataLoss, "DIGEST_MISMATCH", "the bytes that came have another SHA-256 than announced: send them again")
           .at("sha256");
     }
@@ -361,7 +372,12 @@ std::unique_ptr<BlobWriter> FileBlobStore::create(const std::string& owner) {
 
 void FileBlobStore::publish(const std::string& path, const BlobInfo& blob) {
   if (::rename(path.c_str(), path_of(blob).c_str()) != 0) device_failed("cannot publish a blob");
-  sync_folder(blobs_);
+  try {
+    sync_folder(blobs_);
+  } catch (...) {
+    ::rename(path_of(blob).c_str(), path.c_str());  // it is no blob yet
+    throw;
+  }
   const std::lock_guard lock(mutex_);
   count_blob(blob);
 }

@@ -1,6 +1,10 @@
 // Blobs, uploads and the names they are stored by.
 #include <gtest/gtest.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +16,19 @@
 #include "proto/wire/sha256.h"
 #include "server/blob_store.h"
 #include "tests/server/store_fixture.h"
+
+namespace {
+std::atomic<int> syncs_until_failure = 0;  // 0: none fails
+}
+
+// In place of the C library's: a disk that does not take everything.
+extern "C" int fsync(int fd) {
+  if (syncs_until_failure > 0 && --syncs_until_failure == 0) {
+    errno = EIO;
+    return -1;
+  }
+  return static_cast<int>(syscall(SYS_fsync, fd));
+}
 
 namespace strata::server {
 namespace {
@@ -175,6 +192,25 @@ TEST(BlobStore, TellsWhatIsIdleAndDropsUploadsNobodyContinues) {
   store->drop_uploads_idle_since(now + 1h);
   EXPECT_FALSE(store->find_upload(upload));
   EXPECT_TRUE(fs::is_empty(folder.path() + "/uploads"));
+}
+
+// A client goes on at the committed offset: what the disk did not take is written again.
+TEST(Uploads, GoOnWhereTheDiskStoppedTakingThem) {
+  for (const int failing : {1, 2}) {  // the sync of the file, that of the folder it is published in
+    const Folder folder;
+    const auto store = open_file_blob_store(folder.path());
+    const std::string bytes = "0123456789";
+    const std::string id = store->start_upload(10, digest(bytes), "").id;
+    store->write_upload(id, 0, bytes.substr(0, 4));
+    EXPECT_EQ(store->commit_upload(id).committed, 4);
+    syncs_until_failure = failing;
+    EXPECT_EQ(refusal_of([&] { store->write_upload(id, 4, bytes.substr(4)); }), "STORAGE_FAILED");
+    EXPECT_EQ(store->find_upload(id)->committed, 4);
+    EXPECT_FALSE(store->find_upload(id)->blob);
+    EXPECT_EQ(refusal_of([&] { store->write_upload(id, 4, bytes.substr(4)); }), "accepted");
+    ASSERT_TRUE(store->find_upload(id)->blob);
+    EXPECT_EQ(text_of(*store, store->find_upload(id)->blob->id), bytes);
+  }
 }
 
 }  // namespace
