@@ -137,7 +137,9 @@ TokenClaims verified_claims(const std::string& token, const TokenRules& rules, d
   const std::size_t first = token.find('.'), second = token.find('.', first + 1);
   if (first == std::string::npos || second == std::string::npos) throw refused("has not three parts");
   const std::string_view all(token);
-  check_signature(all.substr(0, second), from_base64url(all.substr(second + 1)), text_in(object_in(all.substr(0, first)), "alg"), rules);
+  const Json header = object_in(all.substr(0, first));
+  if (header.contains("crit")) throw refused("asks for extensions that are not known here");  // RFC 7515, 4.1.11
+  check_signature(all.substr(0, second), from_base64url(all.substr(second + 1)), text_in(header, "alg"), rules);
   const Json claims = object_in(all.substr(first + 1, second - first - 1));
   check_claims(claims, rules, now);
   return {text_in(claims, "sub"), text_in(claims, rules.tenant_claim), text_in(claims, rules.role_claim)};

@@ -162,8 +162,8 @@ std::string raw_of_der(const std::string& der) {
   return {reinterpret_cast<char*>(raw), sizeof raw};
 }
 
-std::string signed_token(EVP_PKEY* key, const std::string& algorithm, const std::string& claims) {
-  const std::string text = base64url(R"({"alg":")" + algorithm + R"(","typ":"JWT"})") + "." + base64url(claims);
+std::string signed_token(EVP_PKEY* key, const std::string& algorithm, const std::string& claims, const std::string& more_header = "") {
+  const std::string text = base64url(R"({"alg":")" + algorithm + R"(","typ":"JWT")" + more_header + "}") + "." + base64url(claims);
   EVP_MD_CTX* context = EVP_MD_CTX_new();
   EVP_DigestSignInit(context, nullptr, algorithm == "EdDSA" ? nullptr : EVP_sha256(), nullptr, key);
   std::size_t size = 0;
@@ -233,6 +233,11 @@ TEST_P(Tokens, CountNotWithAnotherKeyOrNoSignature) {
   EVP_PKEY_free(other);
   EXPECT_EQ(verdict(base64url(R"({"alg":"none"})") + "." + base64url(kGood) + "."), "UNAUTHENTICATED");
   EXPECT_EQ(verdict(base64url(R"({"alg":"HS256"})") + "." + base64url(kGood) + "." + base64url("x")), "UNAUTHENTICATED");
+}
+
+TEST_P(Tokens, CountNotWhenTheyAskForWhatIsNotKnown) {
+  EXPECT_EQ(verdict(signed_token(key_, GetParam(), kGood, R"(,"kid":"1")")), "accepted");
+  EXPECT_EQ(verdict(signed_token(key_, GetParam(), kGood, R"(,"crit":["b64"],"b64":false)")), "UNAUTHENTICATED");
 }
 
 INSTANTIATE_TEST_SUITE_P(Algorithms, Tokens, testing::Values("RS256", "ES256", "EdDSA"), [](const auto& which) { return which.param; });
