@@ -21,7 +21,6 @@ namespace {
 
 constexpr std::size_t kMaxRequestId = 128;
 constexpr std::size_t kMaxDisplayName = 256;
-constexpr int kMaxLabels = 32;
 constexpr std::size_t kMaxLabel = 128;
 constexpr int kMaxPriority = 10;
 

@@ -26,6 +26,8 @@ std::string digest_of(const std::string& bytes);
 // Equal requests have equal fingerprints.
 std::string fingerprint_of(const v1::CreateJobRequest& request);
 
+inline constexpr int kMaxLabels = 32;  // of a job
+
 struct AdmissionOptions {
   std::int64_t max_inline_surface_bytes = std::int64_t{1} << 20;
   std::int64_t memory_budget_bytes = 0;  // of all jobs together; 0: no limit

@@ -15,6 +15,7 @@ namespace {
 constexpr std::chrono::milliseconds kTick{100};
 constexpr int kDefaultPage = 100;
 constexpr int kMaxPage = 1000;
+constexpr std::size_t kMaxStates = v1::JobState_ARRAYSIZE;
 constexpr double kRetryWatch = 5;  // seconds
 constexpr std::int64_t kLongAgo = 1;  // seconds since 1970: expired, whatever the clock says
 
@@ -89,7 +90,10 @@ JobPage JobDesk::list(const Caller& caller, const v1::ListJobsRequest& request) 
   if (caller.role != Role::Admin) query.tenant = caller.tenant;
   query.page_size = request.page_size() == 0 ? kDefaultPage : request.page_size();
   query.token = token;
-  query.states.assign(request.states().begin(), request.states().end());
+  const std::set<int> states(request.states().begin(), request.states().end());
+  if (states.size() > kMaxStates) throw invalid_field("states", "are more than there are");
+  if (request.labels_size() > kMaxLabels) throw invalid_field("labels", "are more than a job can have");
+  query.states.assign(states.begin(), states.end());
   query.labels.assign(request.labels().begin(), request.labels().end());
   JobPage page = jobs_.list(query);
   const Lock lock(mutex_);

@@ -172,6 +172,7 @@ class JobDesk {
   JobQueue queue_;
   int running_ = 0;
   int arriving_ = 0;  // being stored
+  std::map<std::string, int> arriving_of_;  // tenant
   std::vector<std::string> to_forget_;  // removed while they ran, and ended since
   std::map<std::string, int> running_of_;  // tenant
   std::map<std::string, double> typical_cost_;  // tenant: core seconds of its jobs of late

@@ -37,7 +37,9 @@ void JobDesk::check_room(const Lock&, const std::string& tenant) const {
   const auto waiting = static_cast<int>(queue_.size());
   if (waiting + arriving_ >= options_.queue_capacity) throw full("QUEUE_FULL", std::to_string(waiting) + " jobs are waiting already");
   const TenantLimits limits = options_.limits_of(tenant);
-  if (limits.queued > 0 && static_cast<int>(queue_.size_of(tenant)) >= limits.queued)
+  const auto coming = arriving_of_.find(tenant);
+  const int ahead = static_cast<int>(queue_.size_of(tenant)) + (coming == arriving_of_.end() ? 0 : coming->second);
+  if (limits.queued > 0 && ahead >= limits.queued)
     throw full("TENANT_QUOTA", "this tenant may have " + std::to_string(limits.queued) + " jobs waiting");
 }
 
@@ -135,10 +137,12 @@ JobDesk::Created JobDesk::create(const Caller& caller, v1::CreateJobRequest requ
     const Lock lock(mutex_);
     check_room(lock, caller.tenant);
     ++arriving_;
+    ++arriving_of_[caller.tenant];
   }
-  const auto arrived = [this] {
+  const auto arrived = [&] {
     const Lock lock(mutex_);
     --arriving_;
+    if (--arriving_of_[caller.tenant] == 0) arriving_of_.erase(caller.tenant);
   };
   try {
     check_storage(caller.tenant, static_cast<std::int64_t>(request.surface().data().size()));

@@ -24,11 +24,16 @@ struct JobPage {
   std::string next_token;     // empty: last page
 };
 
+// A page ends before it is full when it has looked at so many jobs, so that a filter which fits few keeps nobody waiting, or when it holds so
+// many bytes: a message of 4 MiB is what clients take.
+inline constexpr int kMostLooked = 10'000;
+inline constexpr std::size_t kPageBytes = std::size_t{2} << 20;
+
 struct JobQuery {
   std::optional<std::string> tenant;  // only of this one
   int page_size = 100;
-  std::string token;                  // of the page before
-  std::vector<int> states;            // only in one of these; empty: all
+  std::string token;  // of the page before
+  std::vector<int> states;  // only in one of these; empty: all
   std::vector<std::pair<std::string, std::string>> labels;  // only with all of these
 };
 

@@ -56,16 +56,19 @@ class MemoryJobStore final : public JobStore {
     const std::lock_guard lock(mutex_);
     JobPage page;
     auto row = query.token.empty() ? rows_.rbegin() : std::make_reverse_iterator(rows_.lower_bound(std::stoll(query.token)));
-    for (; row != rows_.rend(); ++row) {
+    std::size_t bytes = 0;
+    for (int looked = 0; row != rows_.rend(); ++row) {
       const v1::Job& job = row->second.stored.job;
       if (query.tenant && job.tenant() != *query.tenant) continue;
       if (!query.states.empty() && std::find(query.states.begin(), query.states.end(), job.state()) == query.states.end()) continue;
-      if (!has_labels(job, query.labels)) continue;
-      if (static_cast<int>(page.jobs.size()) == query.page_size) {
+      const bool fits = has_labels(job, query.labels);
+      if (looked++ == kMostLooked || bytes > kPageBytes || (fits && static_cast<int>(page.jobs.size()) == query.page_size)) {
         page.next_token = std::to_string(row->first + 1);
         break;
       }
+      if (!fits) continue;
       page.jobs.push_back(without_details(job));
+      bytes += page.jobs.back().ByteSizeLong();
     }
     return page;
   }

@@ -96,15 +96,18 @@ class SqliteJobStore final : public JobStore {
     if (query.tenant) rows.text(*query.tenant);
     JobPage page;
     std::int64_t last = 0;
-    while (rows.step()) {
+    std::size_t bytes = 0;
+    for (int looked = 0; rows.step(); ++looked) {
       v1::Job job = decoded<v1::Job>(rows.bytes_at(1));
-      if (!has_labels(job, query.labels)) continue;
-      if (static_cast<int>(page.jobs.size()) == query.page_size) {
+      const bool fits = has_labels(job, query.labels);
+      if (looked == kMostLooked || bytes > kPageBytes || (fits && static_cast<int>(page.jobs.size()) == query.page_size)) {
         page.next_token = std::to_string(last);
         break;
       }
       last = rows.number_at(0);
+      if (!fits) continue;
       page.jobs.push_back(without_details(std::move(job)));
+      bytes += page.jobs.back().ByteSizeLong();
     }
     return page;
   }

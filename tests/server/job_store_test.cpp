@@ -180,6 +180,66 @@ TEST_P(JobStores, TakesWritesFromManyThreads) {
   for (int i = 0; i < 200; ++i) EXPECT_TRUE(store->find_request("", "r" + std::to_string(i)));
 }
 
+TEST_P(JobStores, AFilterThatFitsFewStopsNowAndThenAndFindsAllTheSame) {
+  const std::unique_ptr<JobStore> store = GetParam() ? open_job_store(folder_.path(), Durability::Process) : make_memory_job_store();
+  std::vector<std::string> marked;
+  const int count = kMostLooked + kMostLooked / 2;
+  for (int i = 0; i < count; ++i) {
+    StoredJob job = stored();
+    if (i == 0 || i == count - 1) {
+      (*job.job.mutable_labels())["case"] = "a7";
+      marked.insert(marked.begin(), job.job.job_id());
+    }
+    ASSERT_TRUE(store->insert(job, event(1)));
+  }
+  JobQuery query;
+  query.labels = {{"case", "a7"}};
+  std::vector<std::string> found;
+  int pages = 0;
+  do {
+    const JobPage page = store->list(query);
+    for (const v1::Job& job : page.jobs) found.push_back(job.job_id());
+    query.token = page.next_token;
+    ++pages;
+  } while (!query.token.empty() && pages < 10);
+  EXPECT_EQ(found, marked);
+  EXPECT_EQ(pages, 2);
+}
+
+TEST_P(JobStores, APageFitsAMessage) {
+  const auto store = open();
+  constexpr int kJobs = 400;
+  for (int i = 0; i < kJobs; ++i) {
+    StoredJob job = stored();
+    for (int k = 0; k < 32; ++k) (*job.job.mutable_labels())[std::to_string(k) + std::string(120, 'k')] = std::string(128, 'v');
+    ASSERT_TRUE(store->insert(job, event(1)));
+  }
+  JobQuery query;
+  query.page_size = 1000;
+  std::size_t found = 0;
+  do {
+    const JobPage page = store->list(query);
+    std::size_t bytes = 0;
+    for (const v1::Job& job : page.jobs) bytes += job.ByteSizeLong();
+    EXPECT_LT(bytes, std::size_t{3} << 20);
+    ASSERT_FALSE(page.jobs.empty());
+    found += page.jobs.size();
+    query.token = page.next_token;
+  } while (!query.token.empty());
+  EXPECT_EQ(found, kJobs);
+}
+
+TEST_P(JobStores, WhatHasNotEndedDoesNotExpire) {
+  const auto store = open();
+  StoredJob job = stored();
+  job.job.mutable_expire_time()->set_seconds(1);
+  ASSERT_TRUE(store->insert(job, event(1)));
+  EXPECT_TRUE(store->expired(100, 10).empty());
+  job.job.set_state(v1::JOB_STATE_CANCELLED);
+  store->update(job.job, {});
+  EXPECT_EQ(store->expired(100, 10), std::vector<std::string>{job.job.job_id()});
+}
+
 INSTANTIATE_TEST_SUITE_P(MemoryAndSqlite, JobStores, testing::Bool(), [](const auto& which) { return which.param ? "Sqlite" : "Memory"; });
 
 }  // namespace
