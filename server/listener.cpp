@@ -16,6 +16,7 @@
 #include <chrono>
 #include <cstring>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 namespace strata::server {
@@ -45,18 +46,29 @@ Fd listening(const std::string& address, Fd socket, const sockaddr* at, socklen_
 
 Fd new_socket(int family) { return Fd(socket(family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)); }
 
-// What a server left that was killed may go; another file may not.
-void remove_old_socket(const std::string& path) {
+constexpr std::string_view kUnix = "unix:";
+constexpr std::size_t kLongestPath = sizeof(sockaddr_un::sun_path) - 1;
+constexpr int kLastPort = 65535;
+
+bool is_port(const std::string& text) {
+  return !text.empty() && text.size() <= 5 && text.find_first_not_of("0123456789") == std::string::npos && std::stoi(text) <= kLastPort;
+}
+
+// What a server left that was killed may go; another file may not, and neither may the socket of one that still listens.
+void remove_old_socket(const std::string& address, const sockaddr_un& at) {
   struct stat status{};
-  if (stat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode)) unlink(path.c_str());
+  if (stat(at.sun_path, &status) != 0 || !S_ISSOCK(status.st_mode)) return;
+  const Fd visitor = new_socket(AF_UNIX);
+  if (connect(visitor.get(), reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0 || errno == EAGAIN)
+    cannot_listen(address, std::strerror(EADDRINUSE));
+  unlink(at.sun_path);
 }
 
 Fd listen_unix(const std::string& address, const std::string& path) {
   sockaddr_un at{};
   at.sun_family = AF_UNIX;
-  if (path.empty() || path.size() >= sizeof at.sun_path) cannot_listen(address, "a path has 1 to 107 bytes");
-  path.copy(at.sun_path, path.size());
-  remove_old_socket(path);
+  path.copy(at.sun_path, kLongestPath);
+  remove_old_socket(address, at);
   return listening(address, new_socket(AF_UNIX), reinterpret_cast<const sockaddr*>(&at), sizeof at);
 }
 
@@ -84,7 +96,6 @@ Addresses resolve(const std::string& address, const std::string& host, const std
 
 Fd listen_tcp(const std::string& address) {
   const std::size_t colon = address.rfind(':');
-  if (colon == std::string::npos) cannot_listen(address, "an address is host:port or unix:/path");
   std::string host = address.substr(0, colon);
   const std::string port = address.substr(colon + 1);
   if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
@@ -114,14 +125,25 @@ unsigned long inode_of(int fd) {
 
 }  // namespace
 
+void check_address(const std::string& address) {
+  if (address.rfind(kUnix, 0) == 0) {
+    const std::size_t size = address.size() - kUnix.size();
+    if (size < 1 || size > kLongestPath) cannot_listen(address, "a path has 1 to " + std::to_string(kLongestPath) + " bytes");
+    return;
+  }
+  const std::size_t colon = address.rfind(':');
+  if (colon == std::string::npos || colon == 0 || !is_port(address.substr(colon + 1)))
+    cannot_listen(address, "an address is host:port, with a port up to " + std::to_string(kLastPort) + ", or unix:/path");
+}
+
 Listener::Listener(int most_connections) : most_(connections_that_fit(most_connections)) {}
 Listener::~Listener() { stop(); }
 
 void Listener::add(const std::string& address, grpc::ServerBuilder& builder, const std::shared_ptr<grpc::ServerCredentials>& credentials) {
-  constexpr std::size_t kScheme = 5;  // unix:
+  check_address(address);
   Door door;
-  if (address.rfind("unix:", 0) == 0) {
-    door.path = address.substr(kScheme);
+  if (address.rfind(kUnix, 0) == 0) {
+    door.path = address.substr(kUnix.size());
     door.socket = listen_unix(address, door.path);
     addresses_.push_back(address);
   } else {

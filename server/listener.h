@@ -15,6 +15,9 @@
 
 namespace strata::server {
 
+// Has it the form host:port or unix:/path? Throws std::runtime_error with a sentence for the operator.
+void check_address(const std::string& address);
+
 class Listener {
  public:
   // Fewer than `most_connections` when the process may not open so many files.

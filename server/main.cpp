@@ -23,6 +23,7 @@
 #include "server/config.h"
 #include "server/job_log.h"
 #include "server/library_log.h"
+#include "server/listener.h"
 #include "server/metrics.h"
 #include "server/worker.h"
 
@@ -96,7 +97,8 @@ void drain(const Config& config, pid_t parent, Server& server, JobDesk& desk, co
 class DataLock {
  public:
   explicit DataLock(const std::string& folder) {
-    std::filesystem::create_directories(folder);
+    // Surfaces, meshes, names: a folder made here is for nobody else. One that was there has the owner and mode somebody gave it.
+    if (std::filesystem::create_directories(folder)) std::filesystem::permissions(folder, std::filesystem::perms::owner_all);
     const std::string path = folder + "/lock";
     fd_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (fd_ < 0) throw std::runtime_error("cannot open " + path + ": " + std::strerror(errno));
@@ -149,9 +151,29 @@ void serve(const Config& config, pid_t parent, const sigset_t& signals) {
   spdlog::info(R"("msg":"stopped")");
 }
 
+void must_be_writable(const std::filesystem::path& place, const std::string& path, const char* flag) {
+  if (access(place.c_str(), W_OK) != 0) throw std::runtime_error("cannot write " + path + " (" + flag + "): " + std::strerror(errno));
+}
+
+void check_data_folder(const std::string& path) {
+  std::filesystem::path place = std::filesystem::absolute(path);
+  while (!std::filesystem::exists(place)) place = place.parent_path();
+  if (!std::filesystem::is_directory(place)) throw std::runtime_error(path + " (--data-dir) is no folder");
+  must_be_writable(place, path, "--data-dir");
+}
+
+void check_trace_file(const std::string& path) {
+  const std::filesystem::path file = std::filesystem::absolute(path);
+  if (std::filesystem::is_directory(file)) throw std::runtime_error(path + " (--trace-file) is a folder");
+  must_be_writable(std::filesystem::exists(file) ? file : file.parent_path(), path, "--trace-file");
+}
+
 // What the settings come to; what is wrong is thrown.
 int check(const Config& config) {
   check_options(config.server);
+  check_data_folder(config.data_folder);
+  if (!config.trace_file.empty()) check_trace_file(config.trace_file);
+  if (!config.metrics_listen.empty()) check_address(config.metrics_listen);
   const Gate gate(config.auth_file);
   std::cout << "listen: [";
   for (const std::string& address : config.server.listen) std::cout << (&address == &config.server.listen.front() ? "" : ", ") << address;

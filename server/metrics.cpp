@@ -13,6 +13,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "server/listener.h"
+
 namespace strata::server {
 namespace {
 
@@ -177,6 +179,7 @@ void Metrics::call_refused(const std::string& rpc, const std::string& reason) {
 }
 
 void Metrics::serve(const std::string& address, const JobDesk& desk, const MemoryLedger& memory) {
+  check_address(address);
   try {
     parts_->load = std::make_shared<LoadGauges>(desk, memory);
     parts_->exposer = std::make_unique<prometheus::Exposer>(address, 1);

@@ -6,7 +6,6 @@
 #include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
-#include <fstream>
 #include <stdexcept>
 
 #include "server/listener.h"
@@ -18,15 +17,8 @@ constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreams = 256;               // per connection
 constexpr const char* kServices[] = {"", "strata.v1.JobService", "strata.v1.BlobService", "strata.v1.SystemService"};
 
-void must_be_readable(const std::string& path, const std::string& flag) {
-  if (!std::ifstream(path)) throw std::runtime_error("cannot read " + path + " (" + flag + ")");
-}
-
 std::shared_ptr<grpc::ServerCredentials> tls_credentials(const TlsFiles& files) {
-  if (files.certificate.empty() || files.key.empty()) throw std::runtime_error("TLS needs both --tls-cert and --tls-key");
-  must_be_readable(files.certificate, "--tls-cert");
-  must_be_readable(files.key, "--tls-key");
-  if (!files.client_ca.empty()) must_be_readable(files.client_ca, "--tls-client-ca");
+  check_tls_files(files);
   using grpc::experimental::FileWatcherCertificateProvider;
   const auto provider =
       files.client_ca.empty()
@@ -41,7 +33,10 @@ std::shared_ptr<grpc::ServerCredentials> tls_credentials(const TlsFiles& files) 
   return grpc::experimental::TlsServerCredentials(options);
 }
 
-bool uses_tls(const ServerOptions& options) { return !options.tls.certificate.empty() || !options.tls.key.empty(); }
+// Whoever wants to see certificates of clients wants TLS: without it, nobody would be asked for one.
+bool uses_tls(const ServerOptions& options) {
+  return !options.tls.certificate.empty() || !options.tls.key.empty() || !options.tls.client_ca.empty();
+}
 
 bool is_unix(const std::string& address) { return address.rfind("unix:", 0) == 0; }
 
@@ -76,7 +71,8 @@ bool is_local(const std::string& address) {
 
 void check_options(const ServerOptions& options) {
   const bool tls = uses_tls(options);
-  if (tls) static_cast<void>(tls_credentials(options.tls));
+  if (tls) check_tls_files(options.tls);
+  for (const std::string& address : options.listen) check_address(address);
   for (const std::string& address : options.listen)
     if (!tls && !options.insecure && !is_local(address))
       throw std::runtime_error(address + " is reachable from other machines: give --tls-cert and --tls-key, or say --insecure");

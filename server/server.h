@@ -9,15 +9,9 @@
 #include <vector>
 
 #include "server/services.h"
+#include "server/tls_files.h"
 
 namespace strata::server {
-
-struct TlsFiles {
-  std::string certificate;  // PEM chain
-  std::string key;
-  std::string client_ca;    // when given, clients must show a certificate of it
-  unsigned refresh_seconds = 60;  // between looks at the files
-};
 
 struct ServerOptions {
   std::vector<std::string> listen = {"127.0.0.1:50051"};  // host:port (port 0: any) or unix:/path

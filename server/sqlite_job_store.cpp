@@ -1,3 +1,8 @@
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <limits>
 #include <mutex>
@@ -172,6 +177,13 @@ class SqliteJobStore final : public JobStore {
   WriteQueue writes_;
 };
 
+// A new file that nobody else can read: it names customers.
+void make_private(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (fd < 0) throw std::runtime_error("cannot write " + path + ": " + std::strerror(errno));
+  ::close(fd);
+}
+
 }  // namespace
 
 std::unique_ptr<JobStore> open_job_store(const std::string& folder, Durability durability) {
@@ -180,7 +192,11 @@ std::unique_ptr<JobStore> open_job_store(const std::string& folder, Durability d
 }
 
 void back_up_job_store(const std::string& folder, const std::string& target) {
-  const Database from(folder + "/jobs.db", SQLITE_OPEN_READONLY);
+  const std::string source = folder + "/jobs.db";
+  const Database from(source, SQLITE_OPEN_READONLY);
+  std::error_code none;
+  if (std::filesystem::equivalent(source, target, none)) throw std::runtime_error(target + " is the job store itself");
+  make_private(target);
   const Database to(target);
   sqlite3_backup* backup = sqlite3_backup_init(to.get(), "main", from.get(), "main");
   if (backup == nullptr) throw std::runtime_error("cannot back up to " + target + ": " + sqlite3_errmsg(to.get()));

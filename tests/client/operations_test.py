@@ -2,6 +2,7 @@
 import json
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import unittest
@@ -120,7 +121,11 @@ class Configured(Case):
         (self.folder / "auth.yaml").write_text("keys:\n  - {name: ann, sha256: short, tenant: a}\n")
         for text, word in (("slotz: 3\n", "slotz"), ("slots: many\n", "slots"), ("result-ttl: 2 fortnights\n", "result-ttl"),
                            ("listen: 0.0.0.0:0\n", "--insecure"), ("tls: {cert: /no/such, key: /no/such}\n", "/no/such"),
-                           (f"auth: {self.folder}/auth.yaml\n", "sha256"), ("max-connections: 0\n", "max-connections")):
+                           (f"auth: {self.folder}/auth.yaml\n", "sha256"), ("max-connections: 0\n", "max-connections"),
+                           ("listen: 127.0.0.1:99999\n", "65535"), ("listen: 'unix:'\n", "107"), ("listen: nonsense\n", "host:port"),
+                           ("metrics-listen: nonsense\n", "host:port"), ("trace-file: /no/such/file\n", "--trace-file"),
+                           (f"data-dir: {config}\n", "--data-dir"), (f"tls: {{cert: {config}, key: {config}}}\n", "no certificate"),
+                           (f"tls: {{client-ca: {config}}}\n", "--tls-cert")):
             config.write_text(text)
             bad = self.stratad("--config", config, "--check-config")
             self.assertEqual(bad.returncode, 2, text + bad.stderr)
@@ -136,12 +141,33 @@ class Configured(Case):
         database = next((server.folder / "data").glob("*.db")).name
         made = self.stratad("--backup", copy / "data" / database, "--data-dir", server.folder / "data")
         self.assertEqual(made.returncode, 0, made.stderr)
+        self.assertEqual((copy / "data" / database).stat().st_mode & 0o777, 0o600)
+        onto_itself = self.stratad("--backup", server.folder / "data" / database, "--data-dir", server.folder / "data")
+        self.assertEqual(onto_itself.returncode, 1)
+        self.assertIn("is the job store itself", onto_itself.stderr)
         shutil.copytree(server.folder / "data" / "blobs", copy / "data" / "blobs")
         again = Server(folder=copy)
         self.addCleanup(again.close)
         self.assertEqual(again.job(job)["display_name"], "kept")
         self.expect(again.run("get", job, "-o", self.folder / "after.vtu"), 0)
         self.assertEqual((self.folder / "before.vtu").read_bytes(), (self.folder / "after.vtu").read_bytes())
+
+
+class Placed(Case):
+    def test_what_the_server_keeps_is_for_nobody_else_on_the_machine(self):
+        server = self.new_server()
+        self.assertEqual((server.folder / "data").stat().st_mode & 0o777, 0o700)
+
+    def test_a_socket_that_somebody_listens_on_is_not_taken_away(self):
+        server = self.new_server()
+        second = subprocess.run([STRATAD, "--listen", server.unix, "--data-dir", str(self.folder / "data")], capture_output=True, text=True,
+                                timeout=60, env=environment())
+        self.assertEqual(second.returncode, 1)
+        self.assertIn("in use", second.stderr)
+        self.expect(server.run("server", "health"), 0)
+        server.stop(signal.SIGKILL)
+        server.launch()  # what a killed server left is no hindrance
+        self.expect(server.run("server", "health"), 0)
 
 
 class Flooded(Case):

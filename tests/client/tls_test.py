@@ -94,7 +94,10 @@ class Tls(Case):
 
     def test_plain_tcp_beyond_loopback_must_be_meant(self):
         for words, code in ((["--listen", "0.0.0.0:0"], 1), (["--listen", "0.0.0.0:0", "--tls-cert", str(self.shared / "server.pem")], 1),
-                            (["--listen", "127.0.0.1:0", "--tls-cert", "/no/such/file", "--tls-key", "/no/such/file"], 1)):
+                            (["--listen", "127.0.0.1:0", "--tls-cert", "/no/such/file", "--tls-key", "/no/such/file"], 1),
+                            (["--listen", "127.0.0.1:0", "--tls-client-ca", str(self.shared / "ca.pem")], 1),
+                            (["--listen", "127.0.0.1:0", "--tls-cert", str(self.shared / "server.pem"), "--tls-key",
+                              str(self.shared / "client.key")], 1)):
             result = subprocess.run([STRATAD, "--data", str(self.folder / "data"), *words], capture_output=True, text=True, timeout=60,
                                     env=environment())
             self.assertEqual(result.returncode, code, result.stderr)
