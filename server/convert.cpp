@@ -144,6 +144,23 @@ void check_soup(const TriangleSoup& soup) {
   }
 }
 
+// A job's record tells of every patch, and clients take messages of 4 MiB.
+void check_patch_names(const std::vector<std::string>& names) {
+  constexpr std::size_t kMost = std::size_t{3} << 20, kFigures = 160;  // bytes of the record; of them those of a patch besides its name
+  std::size_t bytes = 0;
+  for (const std::string& name : names) bytes += 2 * name.size() + kFigures;  // its reference, and its quality
+  if (bytes <= kMost) return;
+  Diagnostic diagnostic;
+  diagnostic.reason = Reason::FileTooLarge;
+  diagnostic.severity = Severity::Error;
+  diagnostic.field = "surface";
+  diagnostic.message = std::to_string(names.size()) + " patches with such names would need " + std::to_string(bytes >> 10) +
+                       " KiB in the record of the job, more than the " + std::to_string(kMost >> 10) +
+                       " there are: join patches, or give them shorter names";
+  diagnostic.values = {{"patches", static_cast<double>(names.size())}};
+  throw MeshError(Failure::InvalidInput, std::move(diagnostic));
+}
+
 void add_block(v1::MeshBlocks& blocks, v1::Block::Role role, v1::Block::ScalarType type, int components, std::size_t count,
                std::int64_t scalar_bytes) {
   std::int64_t end = 0;
@@ -261,9 +278,10 @@ void check_wire_surface(const v1::Surface& surface) {
 
 TriangleSoup read_wire_surface(const v1::Surface& surface, std::span<const char> bytes) {
   check_wire_surface(surface);
-  if (surface.format() != v1::SURFACE_FORMAT_ARRAYS) return io::read_surface(bytes, *file_format_of(surface));
-  TriangleSoup soup = read_arrays(surface.arrays(), bytes);
-  check_soup(soup);
+  const bool arrays = surface.format() == v1::SURFACE_FORMAT_ARRAYS;
+  TriangleSoup soup = arrays ? read_arrays(surface.arrays(), bytes) : io::read_surface(bytes, *file_format_of(surface));
+  if (arrays) check_soup(soup);
+  check_patch_names(soup.patch_names);
   return soup;
 }
 

@@ -151,6 +151,23 @@ TEST(TypedArrays, WithoutNamesAreOnePatchNamedSurface) {
   EXPECT_EQ(read_wire_surface(surface, bytes).patch_names, std::vector<std::string>{"surface"});
 }
 
+TEST(TypedArrays, WithMorePatchesThanARecordCanTellOfAreRefused) {
+  std::string bytes;
+  v1::Surface surface = arrays_of(bytes, kTetrahedron, 2);
+  const auto reason = [&] {
+    try {
+      read_wire_surface(surface, bytes);
+    } catch (const MeshError& error) {
+      return std::string(reason_name(error.diagnostic().reason));
+    }
+    return std::string("accepted");
+  };
+  for (int i = 2; i < 10'000; ++i) surface.mutable_arrays()->add_patch_names("a face of the CAD model, " + std::to_string(i));
+  EXPECT_EQ(reason(), "accepted");
+  for (std::string& name : *surface.mutable_arrays()->mutable_patch_names()) name += std::string(100, 'x');
+  EXPECT_EQ(reason(), "FILE_TOO_LARGE");
+}
+
 TEST(TypedArrays, ThatLieAreRefused) {
   const auto reason_of = [](const v1::Surface& surface, const std::string& bytes) {
     try {
