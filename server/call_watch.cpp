@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -21,6 +22,7 @@ using grpc::experimental::ServerInterceptorFactoryInterface;
 using grpc::experimental::ServerRpcInfo;
 
 constexpr std::size_t kMaxRequestId = 64;
+constexpr const char *kTraceparent = "traceparent", *kRequestId = "x-request-id";
 
 const char* name_of(grpc::StatusCode code) {
   static constexpr const char* kNames[] = {"OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
@@ -53,19 +55,12 @@ class WatchedCall final : public Interceptor {
                   reason_, 1000 * seconds, request_id_, trace_.trace_id);
     if (!tracer_.on()) return;
     const bool failed = code_ && *code_ != grpc::StatusCode::OK;
-    tracer_.write({method_, trace_, new_span_id(), begun_, end, {{"rpc.grpc.status", code}, {"request_id", request_id_}}, failed, true});
+    tracer_.write({method_, trace_, span_id_, begun_, end, {{"rpc.grpc.status", code}, {"request_id", request_id_}}, failed, true});
   }
 
   void Intercept(InterceptorBatchMethods* methods) override {
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_INITIAL_METADATA)) {
-      const auto* metadata = methods->GetRecvInitialMetadata();
-      const auto value_of = [&](const char* key) {
-        const auto found = metadata->find(key);
-        return found == metadata->end() ? std::string() : std::string(found->second.data(), found->second.size());
-      };
-      trace_ = trace_of(value_of("traceparent"));
-      request_id_ = json_escaped(value_of("x-request-id").substr(0, kMaxRequestId));
-      if (request_id_.empty()) request_id_ = random_id();
+      take_ids(*methods->GetRecvInitialMetadata());
     }
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
       const grpc::Status status = methods->GetSendStatus();
@@ -76,12 +71,34 @@ class WatchedCall final : public Interceptor {
   }
 
  private:
-  const std::string method_;
+  using Metadata = std::multimap<grpc::string_ref, grpc::string_ref>;
+
+  // A caller who gave none gets some, which whatever comes of the call has too: its job is found by them in the log and in the traces.
+  void take_ids(Metadata& metadata) {
+    const auto value_of = [&](const char* key) {
+      const auto found = metadata.find(key);
+      return found == metadata.end() ? std::string() : std::string(found->second.data(), found->second.size());
+    };
+    trace_ = trace_of(value_of(kTraceparent));
+    request_id_ = json_escaped(value_of(kRequestId).substr(0, kMaxRequestId));
+    if (trace_.parent_id.empty()) {
+      traceparent_ = "00-" + trace_.trace_id + "-" + span_id_ + "-01";
+      metadata.erase(kTraceparent);
+      metadata.emplace(kTraceparent, traceparent_);
+    }
+    if (request_id_.empty()) {
+      request_id_ = random_id();
+      metadata.erase(kRequestId);
+      metadata.emplace(kRequestId, request_id_);
+    }
+  }
+
+  const std::string method_, span_id_ = new_span_id();
   Metrics& metrics_;
   Tracer& tracer_;
   const std::chrono::system_clock::time_point begun_;
   TraceContext trace_;
-  std::string request_id_, reason_;
+  std::string traceparent_, request_id_, reason_;
   std::optional<grpc::StatusCode> code_;
 };
 

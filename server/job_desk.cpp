@@ -168,6 +168,7 @@ void JobDesk::forget_ended() {
 void JobDesk::forget_or_log(const std::string& job_id) {
   try {
     forget(job_id);
+    spdlog::info(R"("msg":"job forgotten","job":"{}")", job_id);
   } catch (const Refusal& refusal) {
     spdlog::error(R"("msg":"cannot forget a job now","job":"{}","reason":"{}")", job_id, refusal.reason);
   }

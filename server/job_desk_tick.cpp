@@ -121,10 +121,7 @@ void JobDesk::sweep() {
     return;
   }
   try {
-    for (const std::string& id : jobs_.expired(now, kForgottenAtOnce)) {
-      spdlog::info(R"("msg":"job forgotten","job":"{}")", id);
-      forget_or_log(id);
-    }
+    for (const std::string& id : jobs_.expired(now, kForgottenAtOnce)) forget_or_log(id);
     if (Clock::now() - swept_blobs_ >= kSweepBlobsEvery) {
       swept_blobs_ = Clock::now();
       sweep_blobs(now);

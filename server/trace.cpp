@@ -88,7 +88,7 @@ class TracedRunner final : public JobRunner {
 
 TraceContext trace_of(const std::string& traceparent) {
   constexpr std::size_t kTraceAt = 3, kSpanAt = kTraceAt + kTraceDigits + 1, kLength = kSpanAt + kSpanDigits + 3;
-  if (traceparent.size() == kLength && traceparent[2] == '-' && traceparent[kSpanAt - 1] == '-') {
+  if (traceparent.size() == kLength && traceparent.rfind("ff", 0) != 0 && traceparent[2] == '-' && traceparent[kSpanAt - 1] == '-') {
     const TraceContext context{traceparent.substr(kTraceAt, kTraceDigits), traceparent.substr(kSpanAt, kSpanDigits)};
     if (is_id(context.trace_id, kTraceDigits) && is_id(context.parent_id, kSpanDigits)) return context;
   }

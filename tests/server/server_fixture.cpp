@@ -25,11 +25,15 @@ void ServerFixture::start(TestOptions options) {
   blobs_ = open_file_blob_store(folder_);
   jobs_ = make_memory_job_store();
   runner_ = make_thread_runner(options.slots, *blobs_, memory_, mesher_.door());
+  metrics_ = std::make_unique<Metrics>();
+  tracer_ = std::make_unique<Tracer>(options.trace_file);
+  traced_ = trace_jobs(*runner_, *tracer_);
+  const bool watched = !options.trace_file.empty();
   options.desk.generator = "test";
   checker_ = make_thread_checker(*blobs_, mesher_.door(), options.desk.admission.memory_budget_bytes);
   gate_ = std::make_unique<Gate>(options.auth_file);
   options.desk.limits_of = [this](const std::string& tenant) { return gate_->limits_of(tenant); };
-  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *runner_, *checker_, mesher_.door(), options.desk);
+  desk_ = std::make_unique<JobDesk>(*jobs_, *blobs_, *traced_, *checker_, mesher_.door(), options.desk);
   ServerOptions wire;
   wire.listen = {"unix:" + folder_ + "/socket"};
   if (!options.listen.empty()) wire.listen.push_back(options.listen);
@@ -37,7 +41,7 @@ void ServerFixture::start(TestOptions options) {
   wire.max_transfers = options.max_transfers;
   wire.stall_seconds = options.stall_seconds;
   wire.limits = options.limits;
-  server_ = std::make_unique<Server>(wire, Server::CallWatchers(), *gate_, *desk_, *blobs_);
+  server_ = std::make_unique<Server>(wire, watched ? watch_calls(*metrics_, *tracer_) : Server::CallWatchers(), *gate_, *desk_, *blobs_);
   channel_ = grpc::CreateChannel(server_->addresses().front(), grpc::InsecureChannelCredentials());
   job_stub_ = v1::JobService::NewStub(channel_);
   blob_stub_ = v1::BlobService::NewStub(channel_);
@@ -48,6 +52,7 @@ void ServerFixture::TearDown() {
   mesher_.release();
   server_.reset();
   desk_.reset();
+  traced_.reset();
   runner_.reset();
   fs::remove_all(folder_);
 }

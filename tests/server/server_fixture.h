@@ -10,6 +10,7 @@
 #include <mutex>
 #include <string>
 
+#include "server/call_watch.h"
 #include "server/server.h"
 #include "strata/v1/blob.grpc.pb.h"
 #include "strata/v1/job.grpc.pb.h"
@@ -27,6 +28,7 @@ struct TestOptions {
   int max_connections = 1000;
   int max_transfers = 1000;
   double stall_seconds = 120;
+  std::string trace_file;  // empty: calls and jobs are not watched
 };
 
 class ServerFixture : public testing::Test {
@@ -47,7 +49,9 @@ class ServerFixture : public testing::Test {
   std::unique_ptr<BlobStore> blobs_;
   std::unique_ptr<JobStore> jobs_;
   MemoryLedger memory_{std::int64_t{1} << 30};
-  std::unique_ptr<JobRunner> runner_;
+  std::unique_ptr<Metrics> metrics_;
+  std::unique_ptr<Tracer> tracer_;
+  std::unique_ptr<JobRunner> runner_, traced_;
   std::unique_ptr<Checker> checker_;
   std::unique_ptr<JobDesk> desk_;
   std::unique_ptr<Gate> gate_;

@@ -1,8 +1,13 @@
 // What every gRPC server is expected to have: health of each service, reflection. By hand, because the messages are this small.
 #include <grpcpp/generic/generic_stub.h>
 
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 
+#include "server/ids.h"
 #include "tests/server/server_fixture.h"
 
 namespace strata::server {
@@ -65,6 +70,26 @@ TEST_F(StandardServices, ReflectionListsThem) {
   const std::string services = ask("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", message(7, "*"), status);
   for (const char* service : {"strata.v1.JobService", "strata.v1.BlobService", "strata.v1.SystemService", "grpc.health.v1.Health"})
     EXPECT_NE(services.find(service), std::string::npos) << service;
+}
+
+// A caller who says nothing of traces: the call and what comes of it are one trace all the same.
+TEST_F(StandardServices, AJobIsFoundByTheTraceOfItsCall) {
+  TestOptions options;
+  options.trace_file = (std::filesystem::temp_directory_path() / ("strata-spans-" + random_id())).string();
+  start(options);
+  EXPECT_EQ(wait_final(create(tetrahedron_job()).job_id()).state(), v1::JOB_STATE_SUCCEEDED);
+  TearDown();
+  std::map<std::string, nlohmann::json> spans;
+  std::ifstream file(options.trace_file);
+  for (std::string line; std::getline(file, line);) {
+    const auto span = nlohmann::json::parse(line)["resourceSpans"][0]["scopeSpans"][0]["spans"][0];
+    spans[span["name"]] = span;
+  }
+  const nlohmann::json &call = spans["JobService/CreateJob"], &job = spans["job"];
+  EXPECT_EQ(job["traceId"], call["traceId"]);
+  EXPECT_EQ(job["parentSpanId"], call["spanId"]);
+  EXPECT_FALSE(call.contains("parentSpanId"));
+  std::filesystem::remove(options.trace_file);
 }
 
 }  // namespace

@@ -26,7 +26,8 @@ TEST(Traceparent, ThatIsNoneStartsANewTrace) {
   const std::string zeros(32, '0'), trace = kTrace, span = kSpan;
   for (const std::string& header :
        {std::string(), "00-" + trace + "-" + span, "00-" + zeros + "-" + span + "-01", "00-" + trace + "-" + zeros.substr(16) + "-01",
-        "00-" + trace.substr(1) + "G-" + span + "-01", "00-" + trace + "_" + span + "-01", "\"}\n" + trace + "-" + span + "-01"}) {
+        "00-" + trace.substr(1) + "G-" + span + "-01", "00-" + trace + "_" + span + "-01", "ff-" + trace + "-" + span + "-01",
+        "\"}\n" + trace + "-" + span + "-01"}) {
     const TraceContext context = trace_of(header);
     EXPECT_EQ(context.trace_id.size(), 32u) << header;
     EXPECT_NE(context.trace_id, trace) << header;
