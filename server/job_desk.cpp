@@ -36,8 +36,10 @@ JobDesk::JobDesk(JobStore& jobs, BlobStore& blobs, JobRunner& runner, Checker& c
   resume_stored_jobs();
   ticker_ = std::jthread([this](const std::stop_token& stop) {
     while (!stop.stop_requested()) {
-      std::this_thread::sleep_for(kTick);
       tick();
+      std::mutex nobody;  // a sleep that ends when it is no longer needed
+      std::unique_lock lock(nobody);
+      std::condition_variable_any().wait_for(lock, stop, kTick, [] { return false; });
     }
   });
 }

@@ -5,6 +5,7 @@
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -24,7 +25,7 @@ namespace {
 
 constexpr rlim_t kFilesForOthers = 64;  // blobs, stores, pipes to workers: a quarter of what may be open, at least these
 constexpr std::chrono::seconds kTellEvery{10};  // a flood must not fill the log
-constexpr std::chrono::milliseconds kLook{100};  // between looks at the order to stop; also the pause when there are no more files
+constexpr std::chrono::milliseconds kPause{100};  // when there are no more files
 
 [[noreturn]] void cannot_listen(const std::string& address, const std::string& why) {
   throw std::runtime_error("cannot listen on " + address + ": " + why);
@@ -136,7 +137,7 @@ void check_address(const std::string& address) {
     cannot_listen(address, "an address is host:port, with a port up to " + std::to_string(kLastPort) + ", or unix:/path");
 }
 
-Listener::Listener(int most_connections) : most_(connections_that_fit(most_connections)) {}
+Listener::Listener(int most_connections) : most_(connections_that_fit(most_connections)), wake_(eventfd(0, EFD_CLOEXEC)) {}
 Listener::~Listener() { stop(); }
 
 void Listener::add(const std::string& address, grpc::ServerBuilder& builder, const std::shared_ptr<grpc::ServerCredentials>& credentials) {
@@ -162,6 +163,7 @@ void Listener::start() {
 void Listener::stop() {
   if (thread_.joinable()) {
     thread_.request_stop();
+    eventfd_write(wake_.get(), 1);
     thread_.join();
   }
   for (const Door& door : doors_)
@@ -172,8 +174,9 @@ void Listener::stop() {
 void Listener::serve(const std::stop_token& stop) {
   std::vector<pollfd> waiting;
   for (const Door& door : doors_) waiting.push_back({door.socket.get(), POLLIN, 0});
+  waiting.push_back({wake_.get(), POLLIN, 0});
   while (!stop.stop_requested()) {
-    if (poll(waiting.data(), waiting.size(), static_cast<int>(kLook.count())) <= 0) continue;
+    if (poll(waiting.data(), waiting.size(), -1) <= 0) continue;
     for (std::size_t i = 0; i < doors_.size(); ++i)
       if (waiting[i].revents != 0) take(doors_[i]);
   }
@@ -183,7 +186,7 @@ void Listener::serve(const std::stop_token& stop) {
 void Listener::take(const Door& door) {
   Fd connection(accept4(door.socket.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (connection.get() < 0) {
-    if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) std::this_thread::sleep_for(kLook);
+    if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) std::this_thread::sleep_for(kPause);
     return;
   }
   if (!has_room()) return;

@@ -49,6 +49,7 @@ class Listener {
   void tell_refusal();
 
   const std::size_t most_;
+  Fd wake_;  // ends the wait for connections
   std::vector<Door> doors_;
   std::vector<std::string> addresses_;
   std::map<int, unsigned long> open_;  // file descriptor, inode of its socket
