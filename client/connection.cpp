@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <grpcpp/grpcpp.h>
+#include <poll.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -43,6 +44,8 @@ constexpr const char* kServiceConfig = R"({"methodConfig": [{
   "retryPolicy": {"maxAttempts": 3, "initialBackoff": "0.1s", "maxBackoff": "1s", "backoffMultiplier": 2,
                   "retryableStatusCodes": ["UNAVAILABLE"]}}],
   "retryThrottling": {"maxTokens": 20, "tokenRatio": 0.5}})";
+constexpr std::chrono::milliseconds kLook{20};  // between looks at interrupts
+constexpr int kReadyFd = 3;           // of the private server
 constexpr std::size_t kLogTail = 2000;  // bytes of the private server's log in messages
 
 // stratad lies beside this program; else it is sought on PATH.
@@ -97,13 +100,15 @@ bool packs(Packing packing, const std::string& address) {
 bool wait_until_ready(grpc::Channel& channel, const PrivateServer* own, int retries) {
   using Clock = std::chrono::system_clock;
   const auto until = Clock::now() + (own != nullptr ? kStartLimit : kConnectLimit);
+  // gRPC tries again a tenth of a second after it failed: better not to try too early.
+  while (own != nullptr && Clock::now() < until && !own->said_something(kLook)) go_on();
   int failures = 0;
   while (Clock::now() < until && failures <= retries) {
     go_on();
     const grpc_connectivity_state state = channel.GetState(true);
     if (state == GRPC_CHANNEL_READY) return true;
     if (own != nullptr && !own->running()) return false;
-    const bool changed = channel.WaitForStateChange(state, std::min(until, Clock::now() + std::chrono::milliseconds(20)));
+    const bool changed = channel.WaitForStateChange(state, std::min(until, Clock::now() + kLook));
     if (own == nullptr && changed && channel.GetState(false) == GRPC_CHANNEL_TRANSIENT_FAILURE) ++failures;
   }
   return false;
@@ -118,9 +123,19 @@ PrivateServer::PrivateServer(int threads) {
                        "set TMPDIR to a directory that can be written");
   directory_ = pattern;
   address_ = "unix:" + directory_ + "/socket";
-  std::vector<std::string> words{server_binary(), "--listen", address_,          "--data", directory_ + "/data",
-                                 "--slots",       "1",        "--drain-timeout", "0",      "--exit-with-parent",
-                                 "--volatile"};
+  std::vector<std::string> words{server_binary(),
+                                 "--listen",
+                                 address_,
+                                 "--data",
+                                 directory_ + "/data",
+                                 "--slots",
+                                 "1",
+                                 "--drain-timeout",
+                                 "0",
+                                 "--exit-with-parent",
+                                 "--volatile",
+                                 "--ready-fd",
+                                 std::to_string(kReadyFd)};
   if (threads > 0) {
     words.emplace_back("--threads");
     words.push_back(std::to_string(threads));
@@ -132,6 +147,9 @@ PrivateServer::PrivateServer(int threads) {
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  int ready[2] = {-1, -1};
+  if (pipe2(ready, O_CLOEXEC) == 0) posix_spawn_file_actions_adddup2(&actions, ready[1], kReadyFd);
+  ready_ = ready[0];
   const std::string log_path = directory_ + "/log";
   posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
   posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
@@ -143,15 +161,23 @@ PrivateServer::PrivateServer(int threads) {
   const int failure = posix_spawnp(&pid_, words.front().c_str(), &actions, &attributes, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   posix_spawnattr_destroy(&attributes);
+  close(ready[1]);
   if (failure != 0) {
     pid_ = -1;
+    close(ready_);
     fs::remove_all(directory_);
     throw CommandError(ExitCode::LocalIo, "stratad cannot be started: " + std::string(strerror(failure)),
                        "install stratad beside strata or on PATH, or name a server with --server");
   }
 }
 
+bool PrivateServer::said_something(std::chrono::milliseconds patience) const {
+  pollfd ready{ready_, POLLIN, 0};
+  return poll(&ready, 1, static_cast<int>(patience.count())) > 0;
+}
+
 PrivateServer::~PrivateServer() {
+  close(ready_);
   if (pid_ > 0) {
     kill(pid_, SIGTERM);
     auto until = std::chrono::steady_clock::now() + kStopLimit;

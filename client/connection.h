@@ -2,6 +2,8 @@
 #pragma once
 
 #include <sys/types.h>
+
+#include <chrono>
 #include <memory>
 #include <string>
 
@@ -25,11 +27,14 @@ class PrivateServer {
   // What the server said on its standard error so far, for messages when it died.
   [[nodiscard]] std::string log() const;
   [[nodiscard]] bool running() const;
+  // Waits so long for word that it is ready; true when there is some, or never will be.
+  [[nodiscard]] bool said_something(std::chrono::milliseconds patience) const;
 
  private:
   std::string directory_;
   std::string address_;
   pid_t pid_ = -1;
+  int ready_ = -1;  // has something to read when the server is ready, and ends with it
 };
 
 struct Connection {
