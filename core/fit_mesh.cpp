@@ -94,7 +94,8 @@ struct Fitted {
 
 // What the stages from the fit on share.
 struct Run {
-  const Surface& surface;
+  const Surface& whole;    // as conditioned
+  const Surface& surface;  // what of it bounds the meshed volumes
   const Ground& ground;
   const Observer& observer;
   Context& context;
@@ -151,7 +152,7 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
   if (!failure) {
     run.context.begin(Stage::FitToSmooth);
     failure = failure_of([&] {
-      smooth = fit_to_smooth(wrapped, run.ground, run.thin_places, run.context).mesh;
+      smooth = fit_to_smooth(wrapped, run.ground, run.whole, run.thin_places, run.context).mesh;
       require(smooth, kUnfitted);
       tell_quality(Stage::FitToSmooth, smooth, run.surface, run.observer, run.context);
       fitted = fit_features_or_throw(smooth, run.ground, run.rung, shortfall, run.context);
@@ -192,7 +193,7 @@ FittedMesh attempt(const Asked& asked, Carved carved, bool thin_places) {
   }
   const Surface& skin = result.skin(asked.surface);
   result.ground = std::make_unique<const Ground>(skin, result.part ? *result.part_features : asked.features);
-  Fitted fitted = fit_or_fall(std::move(carved.mesh), {skin, *result.ground, asked.observer, context, result.rung, thin_places});
+  Fitted fitted = fit_or_fall(std::move(carved.mesh), {asked.surface, skin, *result.ground, asked.observer, context, result.rung, thin_places});
   result.mesh = std::move(fitted.mesh);
   result.merged = std::move(fitted.merged);
   result.shortfall = std::move(fitted.shortfall);

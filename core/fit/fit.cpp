@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/base/context.h"
+#include "core/fit/openings.h"
 #include "core/fit/own_side.h"
 #include "core/mesh/hex.h"
 #include "core/mesh/part.h"
@@ -62,11 +63,29 @@ HexMesh relax(HexMesh mesh, const Ground& ground, Context& context) {
   return optimise(std::move(mesh), request, options, context).mesh;
 }
 
+void report_openings(const HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& over_opening, const Frame& frame, Context& context) {
+  Diagnostic diagnostic;
+  for (VertexId v : over_opening.ids()) {
+    if (over_opening[v] == 0) continue;
+    ++diagnostic.count;
+    diagnostic.box.add(frame.to_input(mesh.position[v]));
+  }
+  if (diagnostic.count == 0) return;
+  diagnostic.reason = Reason::SurfaceNotClosed;
+  diagnostic.severity = Severity::Warning;
+  diagnostic.values = {{"vertices", static_cast<double>(diagnostic.count)}};
+  diagnostic.message = "openings of the surface are closed by a skin of the mesh's own (" + std::to_string(diagnostic.count) +
+                       " vertices): close them in the surface where its shape matters there";
+  context.adjusted(std::move(diagnostic));
+}
+
 }  // namespace
 
-FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, bool thin_places, Context& context) {
+FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, const Surface& whole, bool thin_places, Context& context) {
+  const IdMap<VertexId, std::uint8_t> over_opening = vertices_over_openings(mesh, ground, whole);
+  report_openings(mesh, over_opening, ground.surface().frame, context);
   for (const QuadVertices& q : mesh.quads)
-    for (VertexId v : q) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
+    for (VertexId v : q) mesh.attachment[v] = over_opening[v] != 0 ? Attachment{} : Attachment{Hold::Chart, kWholeSurface};
   if (thin_places) take_own_side(mesh, ground);
   OptimiseRequest request;
   request.ground = &ground;

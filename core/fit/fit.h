@@ -30,7 +30,8 @@ inline constexpr double kLeastJacobian = 1e-4;
 
 // Boundary vertices go to the closest point of the surface, features ignored, interior vertices follow. All hexes valid after, or
 // as many as could be (the caller checks). `thin_places`: solid may be thinner than a cell, so that the closest place is on its far side.
-FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, bool thin_places, Context& context);
+// The ground's surface is `whole` or what of it bounds the meshed volumes; vertices over its openings are held by nothing, and that is told.
+FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, const Surface& whole, bool thin_places, Context& context);
 
 // Labels every quad with chart and patch, matches corners to vertices and curves to edge paths, sets attachments.
 struct Match {

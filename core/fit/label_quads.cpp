@@ -54,6 +54,27 @@ IdMap<ChartId, ChartId> joined_charts(const Matching& m) {
   return parent;
 }
 
+// Shells by their smallest chart: charts that have a point of the surface in common are of one shell.
+IdMap<ChartId, ChartId> shells(const Surface& surface, const Features& features) {
+  IdMap<ChartId, ChartId> parent(features.chart_count());
+  for (ChartId c : parent.ids()) parent[c] = c;
+  const auto root = [&](ChartId c) {
+    while (parent[c] != c) c = parent[c] = parent[parent[c]];
+    return c;
+  };
+  IdMap<PointId, ChartId> at(surface.points.size());
+  for (TriangleId t : surface.triangles.ids()) {
+    if (!features.chart[t].valid()) continue;
+    for (PointId p : surface.triangles[t]) {
+      if (!at[p].valid()) at[p] = features.chart[t];
+      const ChartId a = root(at[p]), b = root(features.chart[t]);
+      parent[std::max(a, b)] = std::min(a, b);
+    }
+  }
+  for (ChartId c : parent.ids()) parent[c] = root(c);
+  return parent;
+}
+
 struct Nearest {
   IdMap<QuadId, ChartId> chart;
   IdMap<QuadId, double> area;
@@ -127,6 +148,7 @@ void attach(const Matching& m, HexMesh& mesh, const IdMap<QuadId, ChartId>& slid
       mesh.attachment[v] = {Hold::Curve, best.value};
       continue;
     }
+    if (mesh.attachment[v].hold == Hold::Free) continue;  // over an opening
     ChartId chart;
     bool several = false;
     for (std::int32_t e : m.skin.edges_round(v))
@@ -146,6 +168,7 @@ IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh) {
   IdMap<ChartId, ChartId> into = merged_charts(features, group);
   const Nearest nearest = nearest_charts(m, mesh, into);
   const IdMap<QuadId, std::int32_t> region = flood(m);
+  const IdMap<ChartId, ChartId> shell = shells(m.ground.surface(), features);
 
   struct Vote {
     std::int32_t region;
@@ -166,7 +189,8 @@ IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh) {
   IdMap<QuadId, std::uint8_t> mixed(mesh.quads.size(), std::uint8_t{0});
   IdMap<ChartId, double> share(features.chart_count(), 0.0);  // of each chart, in the region at hand
   for (std::size_t i = 0; i < votes.size();) {
-    // The group with the largest area has the region; of its charts those that are at home in it show.
+    // The group with the largest area has the region; of its charts those that are at home in it show, and those of other shells: where
+    // shells cross there is no curve that could part them.
     std::size_t stop = i;
     double best_area = -1;
     ChartId largest, best_group;
@@ -193,7 +217,10 @@ IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh) {
       }
     }
     bool one_chart = true;
-    const auto at_home = [&](const Vote& vote) { return vote.group == best_group && share[vote.chart] > kAtHome * whole[vote.chart]; };
+    const auto at_home = [&](const Vote& vote) {
+      const bool may_show = vote.group == best_group || shell[vote.chart] != shell[largest];
+      return may_show && share[vote.chart] > kAtHome * whole[vote.chart];
+    };
     for (std::size_t j = i; j < stop; ++j) {
       const ChartId shown = at_home(votes[j]) ? votes[j].chart : largest;
       mesh.chart[votes[j].quad] = shown;

@@ -187,6 +187,8 @@ void repair(Draft& draft, Context& context) {
   report(context, draft, split_at_hanging_points(draft), Reason::SurfaceNotClosed, Severity::Info,
          "triangles were split at vertices that lay on their edges");
   report(context, draft, orient(draft), Reason::SurfaceInconsistentOrientation, Severity::Info, "triangles were turned round");
+  report(context, draft, cap_openings(draft), Reason::SurfaceNotClosed, Severity::Warning,
+         "openings of the surface were closed, with the patch of what is round them");
   report(context, draft, drop_sheets(draft), Reason::SurfaceSheetDropped, Severity::Warning,
          "triangles of open sheets that bound no volume were dropped");
   if (draft.size() == 0) refuse(Reason::SurfaceEmpty, "no triangle of the surface has an area");

@@ -79,6 +79,10 @@ struct Duplicates {
 };
 // Of several triangles on the same three points the first stays.
 Duplicates drop_duplicates(Draft& draft);
+// Openings of a shell, flat or a little bent and up to an eighth of its area, are closed where that parts inside from outside (by the winding
+// number); flat borders inside a flat one that run the other way are left out of its cap. Needs consistent orientation. Triangles of caps have
+// the patch of most of their border. Counts caps, lists the triangles round them.
+Repair cap_openings(Draft& draft);
 // Components that are open sheets, when there is also a closed one.
 Repair drop_sheets(Draft& draft);
 // Makes the orientation agree across manifold edges; outwards (positive volume) per closed piece. Returns what was turned.

@@ -45,7 +45,7 @@ Matched matched(TriangleSoup soup, double cells, FeatureOptions options = {}) {
   const Locator locator(surface);
   HexMesh mesh = carve(dualize(refine_octree(surface, field, OctreeOptions{}, context), context), surface, locator, {}, context).mesh;
   const Ground ground(surface, *m.features);
-  mesh = fit_to_smooth(wrap_surface(std::move(mesh), context), ground, false, context).mesh;
+  mesh = fit_to_smooth(wrap_surface(std::move(mesh), context), ground, surface, false, context).mesh;
   m.result = match_features(std::move(mesh), ground, {}, context);
   report_softened(m.result.softened, ground, context);
   m.adjustments = context.adjustments();

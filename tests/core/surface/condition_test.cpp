@@ -140,16 +140,19 @@ TEST(Condition, HangingVerticesAreStitched) {
 
 TEST(Condition, OpenEdgesAreReportedWithTheirPlaceInInputUnits) {
   TriangleSoup soup = test::shifted(test::scaled(test::cube(2), 10), Vec3(100, 0, 0));
-  soup.triangles.erase(soup.triangles.begin());
-  soup.patch.erase(soup.patch.begin());
+  for (std::size_t t = soup.triangles.size(); t-- > 0;)
+    if (soup.patch_names[static_cast<std::size_t>(soup.patch[t])] == "x_min") {
+      soup.triangles.erase(soup.triangles.begin() + static_cast<std::ptrdiff_t>(t));
+      soup.patch.erase(soup.patch.begin() + static_cast<std::ptrdiff_t>(t));
+    }
   Context context;
   EXPECT_FALSE(condition(soup, context).closed);
   ASSERT_EQ(context.adjustments().size(), 1u);
   const Diagnostic& d = context.adjustments()[0];
   EXPECT_EQ(d.reason, Reason::SurfaceNotClosed);
-  EXPECT_EQ(d.count, 3);
-  EXPECT_NEAR(d.box.min.x(), 100, 1e-9);
-  EXPECT_NEAR(d.box.extent().y(), 5, 1e-9);
+  EXPECT_EQ(d.count, 8);
+  EXPECT_NEAR(d.box.max.x(), 100, 1e-9);
+  EXPECT_NEAR(d.box.extent().y(), 10, 1e-9);
 }
 
 TEST(Condition, FreeSheetsAreDroppedFromClosedSolids) {

@@ -1,0 +1,115 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "core/base/context.h"
+#include "core/surface/surface.h"
+#include "tests/support/shapes.h"
+
+namespace strata {
+namespace {
+
+TriangleSoup without(const TriangleSoup& soup, const std::string& patch) {
+  TriangleSoup kept = soup;
+  kept.triangles.clear();
+  kept.patch.clear();
+  for (std::size_t t = 0; t < soup.triangles.size(); ++t)
+    if (soup.patch_names[static_cast<std::size_t>(soup.patch[t])] != patch)
+      kept.triangles.push_back(soup.triangles[t]), kept.patch.push_back(soup.patch[t]);
+  return kept;
+}
+
+TriangleSoup well(double depth, int n = 4) { return without(test::box(Vec3(0, 0, 0), Vec3(1, 1, depth), n), "z_max"); }
+
+struct Conditioned {
+  Surface surface;
+  std::vector<Diagnostic> told;
+  [[nodiscard]] std::int64_t caps() const {
+    for (const Diagnostic& d : told)
+      if (d.message.find("openings of the surface were closed") != std::string::npos) return d.count;
+    return 0;
+  }
+};
+Conditioned conditioned(TriangleSoup soup) {
+  Context context;
+  Surface surface = condition(std::move(soup), context);
+  return {std::move(surface), context.adjustments()};
+}
+
+double volume_of(const Surface& surface) {
+  double six = 0;
+  for (TriangleId t : surface.triangles.ids()) {
+    const auto [a, b, c] = surface.corners(t);
+    six += a.dot(b.cross(c));
+  }
+  return six / 6 / (surface.frame.scale * surface.frame.scale * surface.frame.scale);
+}
+
+TEST(CapOpenings, AMissingFaceIsFlatAgain) {
+  const Conditioned c = conditioned(well(3));
+  EXPECT_EQ(c.caps(), 1);
+  EXPECT_TRUE(c.surface.closed);
+  EXPECT_NEAR(volume_of(c.surface), 3, 1e-12);
+  for (TriangleId t : c.surface.triangles.ids()) EXPECT_TRUE(c.surface.normal[t].allFinite());
+}
+
+TEST(CapOpenings, ACapHasThePatchOfMostOfItsBorder) {
+  const Conditioned c = conditioned(without(test::cylinder(32, 8), "cap_top"));
+  EXPECT_EQ(c.caps(), 1);
+  for (TriangleId t : c.surface.triangles.ids())
+    if (c.surface.normal[t].z() > 0.99) {
+      EXPECT_EQ(c.surface.patch_names[c.surface.patch[t]], "side");
+    }
+}
+
+TEST(CapOpenings, TwoEndsOfATubeAreTwoCaps) {
+  const Conditioned c = conditioned(without(without(test::cylinder(32, 8), "cap_top"), "cap_bottom"));
+  EXPECT_EQ(c.caps(), 2);
+  EXPECT_TRUE(c.surface.closed);
+}
+
+TEST(CapOpenings, ALidThatDoesNotReachItsWallsGetsAFrame) {
+  TriangleSoup lid = test::box(Vec3(0.25, 0.25, 2), Vec3(0.75, 0.75, 3), 2);
+  for (const char* side : {"x_min", "x_max", "y_min", "y_max", "z_min"}) lid = without(lid, side);
+  const Conditioned c = conditioned(test::joined(well(3), lid));
+  EXPECT_EQ(c.caps(), 1);
+  EXPECT_TRUE(c.surface.closed);
+  EXPECT_NEAR(volume_of(c.surface), 3, 1e-12);
+}
+
+TEST(CapOpenings, AShellThatIsTurnedInsideOutIsCappedToo) {
+  const Conditioned c = conditioned(test::flipped(well(3)));
+  EXPECT_EQ(c.caps(), 1);
+  EXPECT_NEAR(std::abs(volume_of(c.surface)), 3, 1e-12);
+}
+
+TEST(CapOpenings, ABorderThatIsNotConvexIsCapped) {
+  TriangleSoup block = test::l_block(2);
+  for (Vec3& p : block.points) p.z() *= 8;
+  const Conditioned c = conditioned(without(block, "z_max"));
+  EXPECT_EQ(c.caps(), 1);
+  EXPECT_TRUE(c.surface.closed);
+  EXPECT_NEAR(volume_of(c.surface), 3 * 8, 1e-9);
+}
+
+TEST(CapOpenings, ASideThatIsMissingStaysOpen) {
+  EXPECT_EQ(conditioned(well(1)).caps(), 0);
+}
+
+TEST(CapOpenings, ASheetIsNoShell) {
+  TriangleSoup sheet = test::box(Vec3(0, 0, 0), Vec3(1, 1, 1), 2);
+  for (const char* side : {"x_min", "x_max", "y_min", "y_max", "z_min"}) sheet = without(sheet, side);
+  for (Vec3& p : sheet.points) p.z() += 0.1 * p.x() * p.y();
+  EXPECT_EQ(conditioned(sheet).caps(), 0);
+}
+
+// A tube that begins inside another body: there it is open to it, and closed only where it leaves.
+TEST(CapOpenings, AnEndInsideAnotherShellStaysOpen) {
+  TriangleSoup spout = without(without(test::cylinder(32, 8), "cap_top"), "cap_bottom");
+  spout = test::shifted(test::scaled(spout, 0.2), Vec3(0.5, 0.5, 0.4));
+  const Conditioned c = conditioned(test::joined(test::cube(4), spout));
+  EXPECT_EQ(c.caps(), 1);
+}
+
+}  // namespace
+}  // namespace strata
