@@ -4,7 +4,9 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 #include "core/base/parallel.h"
 #include "core/base/triangle_geometry.h"
@@ -82,7 +84,8 @@ struct Polygon {
 
 class Plane {
  public:
-  explicit Plane(const Rim& rim) : origin_(rim.centre), normal_(rim.area.normalized()), u_(normal_.unitOrthogonal()), v_(normal_.cross(u_)) {}
+  explicit Plane(const Rim& rim)
+      : origin_(rim.centre), normal_(rim.area.normalized()), u_(normal_.unitOrthogonal()), v_(normal_.cross(u_)) {}
   [[nodiscard]] Point2 flat(const Vec3& p) const { return {(p - origin_).dot(u_), (p - origin_).dot(v_)}; }
   [[nodiscard]] Polygon polygon(const Draft& draft, const Rim& rim) const {
     Polygon result{rim.points, {}};
@@ -210,7 +213,8 @@ double area_of(const Draft& draft, std::size_t t) {
 bool is_wall(const Draft& draft, const std::vector<Corners>& cap, const Rim& rim) {
   const auto area = [&](const Corners& c) { return (at(draft, c[1]) - at(draft, c[0])).cross(at(draft, c[2]) - at(draft, c[0])).norm(); };
   const Corners& c = *std::max_element(cap.begin(), cap.end(), [&](const Corners& a, const Corners& b) { return area(a) < area(b); });
-  const Vec3 centre = (at(draft, c[0]) + at(draft, c[1]) + at(draft, c[2])) / 3, aside = (rim.is_flat() ? kAside : kAsideBent) * rim.size() * rim.area.normalized();
+  const Vec3 centre = (at(draft, c[0]) + at(draft, c[1]) + at(draft, c[2])) / 3,
+             aside = (rim.is_flat() ? kAside : kAsideBent) * rim.size() * rim.area.normalized();
   return (winding(draft, centre + aside) - 0.5) * (winding(draft, centre - aside) - 0.5) < 0;
 }
 
@@ -241,7 +245,10 @@ Repair cap_openings(Draft& draft) {
   const auto shell_of = [&](const Rim& rim) { return static_cast<std::size_t>(shell[static_cast<std::size_t>(rim.triangles.front())]); };
 
   // The largest first: what lies inside it and runs the other way is an island that its cap leaves out.
-  std::stable_sort(rims.begin(), rims.end(), [](const Rim& a, const Rim& b) { return a.area.norm() > b.area.norm(); });
+  std::sort(rims.begin(), rims.end(), [](const Rim& a, const Rim& b) {
+    const double x = a.area.norm(), y = b.area.norm();
+    return x != y ? x > y : a.points.front() < b.points.front();
+  });
   std::vector<char> taken(rims.size(), 0);
   std::vector<std::pair<std::size_t, std::vector<Corners>>> caps;  // of rims
   for (std::size_t r = 0; r < rims.size(); ++r) {

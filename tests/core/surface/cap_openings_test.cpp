@@ -92,9 +92,7 @@ TEST(CapOpenings, ABorderThatIsNotConvexIsCapped) {
   EXPECT_NEAR(volume_of(c.surface), 3 * 8, 1e-9);
 }
 
-TEST(CapOpenings, ASideThatIsMissingStaysOpen) {
-  EXPECT_EQ(conditioned(well(1)).caps(), 0);
-}
+TEST(CapOpenings, ASideThatIsMissingStaysOpen) { EXPECT_EQ(conditioned(well(1)).caps(), 0); }
 
 TEST(CapOpenings, ASheetIsNoShell) {
   TriangleSoup sheet = test::box(Vec3(0, 0, 0), Vec3(1, 1, 1), 2);
