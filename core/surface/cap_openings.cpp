@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -20,9 +21,12 @@ constexpr double kBent = 0.25;        // and too bent for a cap when it is furth
 constexpr double kSamePlane = 0.999;  // cosine between a cap and one inside it
 constexpr double kMostOpen = 0.12;    // of the shells' area, caps included: more is a side that is missing
 constexpr std::size_t kMostPoints = 4000;
+constexpr std::size_t kMostWithIslands = 4000;    // rims: among more none is looked for inside another
+constexpr std::size_t kMostLooks = 100'000'000;   // triangles looked at to tell walls: what is left, the smallest, stays open
 constexpr std::size_t kMostBridges = 64;  // tried between a border and one inside it
-constexpr double kAside = 0.02;       // of the root of the cap's area: where a flat one is looked at from either side
-constexpr double kAsideBent = 0.25;   // and one that is not
+constexpr double kTiny = 1e-4;        // of the shells' area: such a cap is a wall for certain
+constexpr double kAside = 0.3;        // of the size of a flat cap's largest triangle: where it is looked at from either side
+constexpr double kAsideBent = 0.25;   // of the root of the area of one that is not flat
 constexpr double kWhole = 1e-6;       // of the cap's area, that triangles may miss or overlap
 
 using Point2 = Eigen::Vector2d;
@@ -42,29 +46,43 @@ struct Rim {
 
 const Vec3& at(const Draft& draft, std::int32_t p) { return draft.points[static_cast<std::size_t>(p)]; }
 
-// Borders where several open edges begin or end at one point are left out.
-std::vector<Rim> rims_of(const Draft& draft) {
-  const std::vector<OpenEdge> open = open_edges(draft);
-  constexpr std::int32_t kNone = -1, kSeveral = -2;
-  std::vector<std::int32_t> edge_to(draft.points.size(), kNone);
-  for (std::size_t e = 0; e < open.size(); ++e) {
-    std::int32_t& slot = edge_to[static_cast<std::size_t>(open[e].to)];
-    slot = slot == kNone ? static_cast<std::int32_t>(e) : kSeveral;
+// A walk along open edges that comes back to one of its points leaves a border behind, also where borders touch.
+std::vector<std::vector<OpenEdge>> closed_borders(const Draft& draft) {
+  std::vector<OpenEdge> open = open_edges(draft);
+  std::sort(open.begin(), open.end(), [](const OpenEdge& a, const OpenEdge& b) { return std::tie(a.to, a.from) < std::tie(b.to, b.from); });
+  std::vector<std::size_t> next(draft.points.size() + 1, 0);  // of the edges that end at a point, the first not walked yet
+  for (const OpenEdge& e : open) ++next[static_cast<std::size_t>(e.to) + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  const std::vector<std::size_t> stop(next.begin() + 1, next.end());
+  std::vector<std::int32_t> position(draft.points.size(), -1);  // on the walk
+  std::vector<std::vector<OpenEdge>> borders;
+  for (std::size_t seed = 0; seed < draft.points.size(); ++seed) {
+    std::vector<OpenEdge> walk;
+    for (auto p = seed; next[p] < stop[p];) {
+      position[p] = static_cast<std::int32_t>(walk.size());
+      walk.push_back(open[next[p]++]);
+      p = static_cast<std::size_t>(walk.back().from);
+      if (position[p] < 0) continue;
+      const auto first = walk.begin() + position[p];
+      for (auto e = first; e != walk.end(); ++e) position[static_cast<std::size_t>(e->to)] = -1;
+      borders.emplace_back(first, walk.end());
+      walk.erase(first, walk.end());
+    }
+    for (const OpenEdge& e : walk) position[static_cast<std::size_t>(e.to)] = -1;
   }
-  std::vector<char> seen(open.size(), 0);
+  return borders;
+}
+
+std::vector<Rim> rims_of(const Draft& draft) {
   std::vector<Rim> rims;
-  for (std::size_t seed = 0; seed < open.size(); ++seed) {
+  for (const std::vector<OpenEdge>& border : closed_borders(draft)) {
+    if (border.size() < 3 || border.size() > kMostPoints) continue;
     Rim rim;
-    auto e = static_cast<std::int32_t>(seed);
-    while (e >= 0 && !seen[static_cast<std::size_t>(e)]) {
-      const OpenEdge& edge = open[static_cast<std::size_t>(e)];
-      seen[static_cast<std::size_t>(e)] = 1;
+    for (const OpenEdge& edge : border) {
       rim.points.push_back(edge.to);
       rim.triangles.push_back(edge.triangle);
       rim.centre += at(draft, edge.to);
-      e = edge_to[static_cast<std::size_t>(edge.from)];
     }
-    if (e != static_cast<std::int32_t>(seed) || rim.points.size() < 3 || rim.points.size() > kMostPoints) continue;
     rim.centre /= static_cast<double>(rim.points.size());
     for (std::size_t i = 0; i < rim.points.size(); ++i)
       rim.area += 0.5 * (at(draft, rim.points[i]) - rim.centre).cross(at(draft, rim.points[(i + 1) % rim.points.size()]) - rim.centre);
@@ -211,10 +229,13 @@ double area_of(const Draft& draft, std::size_t t) {
 
 // A cap parts what is inside from what is outside: the half level of the winding number, which closes all other openings, is there too.
 bool is_wall(const Draft& draft, const std::vector<Corners>& cap, const Rim& rim) {
-  const auto area = [&](const Corners& c) { return (at(draft, c[1]) - at(draft, c[0])).cross(at(draft, c[2]) - at(draft, c[0])).norm(); };
-  const Corners& c = *std::max_element(cap.begin(), cap.end(), [&](const Corners& a, const Corners& b) { return area(a) < area(b); });
-  const Vec3 centre = (at(draft, c[0]) + at(draft, c[1]) + at(draft, c[2])) / 3,
-             aside = (rim.is_flat() ? kAside : kAsideBent) * rim.size() * rim.area.normalized();
+  const auto twice_area = [&](const Corners& c) {
+    return (at(draft, c[1]) - at(draft, c[0])).cross(at(draft, c[2]) - at(draft, c[0])).norm();
+  };
+  const Corners& c =
+      *std::max_element(cap.begin(), cap.end(), [&](const Corners& a, const Corners& b) { return twice_area(a) < twice_area(b); });
+  const Vec3 centre = (at(draft, c[0]) + at(draft, c[1]) + at(draft, c[2])) / 3;
+  const Vec3 aside = (rim.is_flat() ? kAside * std::sqrt(twice_area(c)) : kAsideBent * rim.size()) * rim.area.normalized();
   return (winding(draft, centre + aside) - 0.5) * (winding(draft, centre - aside) - 0.5) < 0;
 }
 
@@ -250,6 +271,7 @@ Repair cap_openings(Draft& draft) {
     return x != y ? x > y : a.points.front() < b.points.front();
   });
   std::vector<char> taken(rims.size(), 0);
+  std::size_t looks = 0;
   std::vector<std::pair<std::size_t, std::vector<Corners>>> caps;  // of rims
   for (std::size_t r = 0; r < rims.size(); ++r) {
     if (taken[r]) continue;
@@ -259,7 +281,7 @@ Repair cap_openings(Draft& draft) {
     const std::vector<Point2> border = polygon.flat;
     double cap_area = rim.area.norm(), whole = area[shell_of(rim)];
     std::vector<std::size_t> islands;
-    for (std::size_t i = r + 1; i < rims.size() && rim.is_flat(); ++i) {
+    for (std::size_t i = r + 1; i < rims.size() && rims.size() <= kMostWithIslands && rim.is_flat(); ++i) {
       const Rim& island = rims[i];
       const bool same_plane = island.is_flat() && -island.area.normalized().dot(rim.area.normalized()) > kSamePlane &&
                               std::abs((island.centre - rim.centre).dot(rim.area.normalized())) < kFlat * rim.size();
@@ -270,10 +292,13 @@ Repair cap_openings(Draft& draft) {
       if (shell_of(island) != shell_of(rim)) whole += area[shell_of(island)];
     }
     if (cap_area > kMostOpen * (whole + cap_area)) continue;
+    const bool is_tiny = cap_area < kTiny * whole;
+    looks += is_tiny ? 0 : 2 * draft.size();
+    if (looks > kMostLooks) continue;
     const auto centre = static_cast<std::int32_t>(draft.points.size());
     draft.points.push_back(rim.centre);
     std::optional<std::vector<Corners>> cap = rim.is_flat() ? triangulated(std::move(polygon)) : fan(polygon, centre);
-    if (!cap || cap->empty() || !is_wall(draft, *cap, rim)) continue;
+    if (!cap || cap->empty() || (!is_tiny && !is_wall(draft, *cap, rim))) continue;
     taken[r] = 1;
     for (std::size_t i : islands) taken[i] = 1;
     caps.emplace_back(r, std::move(*cap));

@@ -92,6 +92,28 @@ TEST(CapOpenings, ABorderThatIsNotConvexIsCapped) {
   EXPECT_NEAR(volume_of(c.surface), 3 * 8, 1e-9);
 }
 
+TEST(CapOpenings, HolesThatTouchAreClosedEach) {
+  TriangleSoup soup = test::cube(4);
+  // Two squares of a face that share a point only.
+  std::vector<std::size_t> gone;
+  for (std::size_t t = 0; t < soup.triangles.size(); ++t) {
+    Vec3 centre = Vec3::Zero();
+    for (std::int32_t p : soup.triangles[t]) centre += soup.points[static_cast<std::size_t>(p)] / 3;
+    const bool low = centre.x() > 0.25 && centre.x() < 0.5 && centre.y() > 0.25 && centre.y() < 0.5;
+    const bool high = centre.x() > 0.5 && centre.x() < 0.75 && centre.y() > 0.5 && centre.y() < 0.75;
+    if (centre.z() > 0.999 && (low || high)) gone.push_back(t);
+  }
+  ASSERT_EQ(gone.size(), 4u);
+  for (auto t = gone.rbegin(); t != gone.rend(); ++t) {
+    soup.triangles.erase(soup.triangles.begin() + static_cast<std::ptrdiff_t>(*t));
+    soup.patch.erase(soup.patch.begin() + static_cast<std::ptrdiff_t>(*t));
+  }
+  const Conditioned c = conditioned(soup);
+  EXPECT_EQ(c.caps(), 2);
+  EXPECT_TRUE(c.surface.closed);
+  EXPECT_NEAR(volume_of(c.surface), 1, 1e-12);
+}
+
 TEST(CapOpenings, ASideThatIsMissingStaysOpen) { EXPECT_EQ(conditioned(well(1)).caps(), 0); }
 
 TEST(CapOpenings, ASheetIsNoShell) {
