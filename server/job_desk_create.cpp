@@ -53,6 +53,9 @@ void JobDesk::check_storage(const std::string& tenant, std::int64_t more) const 
   if (usage.uploads >= kMostUploads)
     throw full("TENANT_QUOTA",
                std::to_string(usage.uploads) + " uploads of this tenant are unfinished: those that nobody continues end by themselves");
+  if (limits.bytes > 0 && more > limits.bytes)  // no use to ask again
+    throw Refusal(Refused::ResourceExhausted, "TENANT_QUOTA",
+                  std::to_string(more) + " bytes are more than the " + std::to_string(limits.bytes) + " this tenant may have in all");
   if (limits.bytes > 0 && std::max<std::int64_t>(more, 1) > limits.bytes - usage.stored - usage.announced)
     throw full("TENANT_QUOTA", "surfaces, results and unfinished uploads of this tenant take " +
                                    std::to_string(usage.stored + usage.announced) + " of the " + std::to_string(limits.bytes) +

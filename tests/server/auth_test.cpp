@@ -192,7 +192,9 @@ TEST_F(Auth, WhatATenantAnnouncesCountsAgainstItsQuota) {
     v1::StartUploadResponse response;
     return blob_stub_->StartUpload(&context, request, &response);
   };
-  EXPECT_EQ(reason_of(announce("key of bob", 100001)), "TENANT_QUOTA");
+  const grpc::Status never = announce("key of bob", 100001);
+  EXPECT_EQ(reason_of(never), "TENANT_QUOTA");
+  EXPECT_EQ(retry_of(never), 0);
   EXPECT_TRUE(announce("key of bob", 60000).ok());
   const grpc::Status refused = announce("key of bob", 60000);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
