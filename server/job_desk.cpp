@@ -151,8 +151,8 @@ void JobDesk::remove(const Caller& caller, const v1::DeleteJobRequest& request) 
   if (!is_live) return forget(id);
   try {
     cancel(caller, id);
-  } catch (const Refusal&) {
-    // it is gone already: that was the order
+  } catch (const Refusal& refusal) {
+    if (refusal.kind != Refused::NotFound) throw;  // gone already: that was the order
   }
   forget_ended();
 }
