@@ -107,10 +107,25 @@ struct Gate::Settings {
   std::optional<TokenRules> tokens;
   std::map<std::string, TenantLimits> tenants;
   TenantLimits others;
+  std::vector<std::string> files;  // that the settings come from
+  std::string stamp;               // of these, as they were read
+
+  [[nodiscard]] std::string stamp_now() const {
+    std::string now;
+    for (const std::string& file : files) now += stamp_of(file) + ";";
+    return now;
+  }
+
+  // Seen before it is read: a change in between is noticed at the next look.
+  std::string text_in(const std::string& path) {
+    files.push_back(path);
+    stamp += stamp_of(path) + ";";
+    return text_of(path);
+  }
 
   static Settings read(const std::string& path) {
     Settings settings;
-    const YAML::Node root = YAML::Load(text_of(path));
+    const YAML::Node root = YAML::Load(settings.text_in(path));
     check_keys(root, path, {"keys", "certificates", "jwt", "tenants", "default_tenant"});
     for (const YAML::Node& key : root["keys"]) {
       check_keys(key, "keys", {"name", "sha256", "tenant", "role"});
@@ -123,17 +138,20 @@ struct Gate::Settings {
       check_keys(one, "certificates", {"name", "tenant", "role"});
       settings.certificates[one["name"].as<std::string>("")] = caller_in(one, "certificates");
     }
-    if (root["jwt"]) settings.tokens = rules_in(root["jwt"]);
+    if (root["jwt"]) settings.tokens = settings.rules_in(root["jwt"]);
     for (const auto& tenant : root["tenants"])
       settings.tenants[tenant.first.as<std::string>()] = limits_in(tenant.second, "tenants." + tenant.first.as<std::string>());
     if (root["default_tenant"]) settings.others = limits_in(root["default_tenant"], "default_tenant");
     return settings;
   }
 
-  static TokenRules rules_in(const YAML::Node& map) {
+  TokenRules rules_in(const YAML::Node& map) {
     check_keys(map, "jwt", {"keys", "issuer", "audience", "tenant_claim", "role_claim"});
     TokenRules rules;
-    for (const YAML::Node& file : map["keys"]) rules.keys.push_back(text_of(file.as<std::string>()));
+    for (const YAML::Node& file : map["keys"]) {
+      rules.keys.push_back(text_in(file.as<std::string>()));
+      if (!is_token_key(rules.keys.back())) wrong("jwt", file.as<std::string>() + " holds no public key for RS256, ES256 or EdDSA, in PEM");
+    }
     if (rules.keys.empty()) wrong("jwt", "needs keys: files with public keys, PEM");
     rules.issuer = map["issuer"].as<std::string>("");
     rules.audience = map["audience"].as<std::string>("");
@@ -167,24 +185,26 @@ struct Gate::Settings {
   }
 };
 
-Gate::Gate(std::string path) : path_(std::move(path)), stamp_(stamp_of(path_)), looked_(Clock::now()) {
+Gate::Gate(std::string path) : path_(std::move(path)), looked_(Clock::now()) {
   try {
     if (open()) settings_ = std::make_shared<Settings>();
     else settings_ = std::make_shared<Settings>(Settings::read(path_));
   } catch (const std::exception& error) {
     throw std::runtime_error("--auth " + path_ + ": " + error.what());
   }
+  stamp_ = settings_->stamp;
 }
 Gate::~Gate() = default;
 
 void Gate::reload_when_changed() {
   if (path_.empty() || Clock::now() - looked_ < kLook) return;
   looked_ = Clock::now();
-  const std::string stamp = stamp_of(path_);
+  const std::string stamp = settings_->stamp_now();
   if (stamp == stamp_) return;
   stamp_ = stamp;
   try {
     settings_ = std::make_shared<Settings>(Settings::read(path_));
+    stamp_ = settings_->stamp;
     spdlog::info(R"("msg":"authentication settings read again")");
   } catch (const std::exception& error) {
     spdlog::error(R"("msg":"authentication settings are wrong; the old ones stay","error":"{}")", json_escaped(error.what()));

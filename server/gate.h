@@ -26,7 +26,7 @@ enum class CallKind {
   Submit,  // counts against submits_per_second too
 };
 
-// Settings of the file given by --auth (docs/deploy.md); read again when the file changes. A file that became wrong is reported once and the
+// Settings of the file given by --auth (docs/deploy.md); read again when the file or a key that it names changes. A file that became wrong is reported once and the
 // settings stay as they were. Safe to call from any thread.
 class Gate {
  public:
@@ -55,7 +55,7 @@ class Gate {
   const std::string path_;
   mutable std::mutex mutex_;
   std::shared_ptr<const Settings> settings_;
-  std::string stamp_;  // of the file as it was read
+  std::string stamp_;  // of the file, and of the keys it names, as they were looked at last
   Clock::time_point looked_;
   std::map<std::string, Bucket> calls_, submits_;
 };
@@ -69,6 +69,8 @@ struct TokenRules {
   std::string issuer, audience;  // empty: not looked at
   std::string tenant_claim = "tenant", role_claim = "role";
 };
+// Can tokens be verified with this public key, PEM?
+bool is_token_key(const std::string& pem);
 // Throws Refusal UNAUTHENTICATED. `now`: seconds since 1970.
 TokenClaims verified_claims(const std::string& token, const TokenRules& rules, double now);
 

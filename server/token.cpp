@@ -132,6 +132,11 @@ void check_claims(const Json& claims, const TokenRules& rules, double now) {
 
 }  // namespace
 
+bool is_token_key(const std::string& pem) {
+  const Key key = read_key(pem);
+  return key && !algorithm_of(key.get()).empty();
+}
+
 TokenClaims verified_claims(const std::string& token, const TokenRules& rules, double now) {
   if (token.size() > kMaxToken) throw refused("is too long");
   const std::size_t first = token.find('.'), second = token.find('.', first + 1);

@@ -240,6 +240,30 @@ TEST_P(Tokens, CountNotWhenTheyAskForWhatIsNotKnown) {
   EXPECT_EQ(verdict(signed_token(key_, GetParam(), kGood, R"(,"crit":["b64"],"b64":false)")), "UNAUTHENTICATED");
 }
 
+TEST_F(GateFile, NamesKeysThatMayBeRenewed) {
+  const std::string key_file = path() + ".pem";
+  EVP_PKEY *first = make_key("ES256"), *second = make_key("EdDSA");
+  std::ofstream(key_file) << pem_of(first);
+  write("jwt: {keys: [" + key_file + "]}\n");
+  Gate gate(path());
+  const std::string claims = R"({"sub":"ann","exp":99999999999,"tenant":"acme","role":"viewer"})";
+  const auto verdict = [&](EVP_PKEY* key, const char* algorithm) {
+    return reason_of([&] { gate.admit({signed_token(key, algorithm, claims), {}, ""}, Role::Viewer, CallKind::Plain); });
+  };
+  EXPECT_EQ(verdict(first, "ES256"), "accepted");
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));
+  std::ofstream(key_file) << pem_of(second);
+  EXPECT_EQ(verdict(first, "ES256"), "UNAUTHENTICATED");
+  EXPECT_EQ(verdict(second, "EdDSA"), "accepted");
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));
+  std::ofstream(key_file) << "no key";
+  EXPECT_EQ(verdict(second, "EdDSA"), "accepted") << "one that is wrong changes nothing";
+  EXPECT_THROW(Gate other(path()), std::runtime_error);
+  EVP_PKEY_free(first);
+  EVP_PKEY_free(second);
+  std::filesystem::remove(key_file);
+}
+
 INSTANTIATE_TEST_SUITE_P(Algorithms, Tokens, testing::Values("RS256", "ES256", "EdDSA"), [](const auto& which) { return which.param; });
 
 }  // namespace
