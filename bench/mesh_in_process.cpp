@@ -1,8 +1,9 @@
 // The whole mesher in one process, without a socket: what profilers and whole-flow benchmarks run.
 //
-//     mesh_in_process SURFACE SPEC.json OUT [--without-layers] [--threads N] [--worst N]
+//     mesh_in_process SURFACE SPEC.json OUT [--without-layers] [--threads N] [--tell] [--worst N]
 //
-// Prints one line per stage (wall and CPU seconds, peak memory), then what came out.
+// Prints one line per stage (wall and CPU seconds, peak memory), then what came out. --tell: the quality after stages too, which the service
+// tells whoever watches a job.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -65,14 +66,15 @@ void print_worst(const strata::HexMesh& mesh, std::size_t count) {
 int main(int argc, char** argv) {
   using namespace strata;
   if (argc < 4) {
-    std::cerr << "usage: mesh_in_process SURFACE SPEC.json OUT [--without-layers] [--threads N] [--worst N]\n";
+    std::cerr << "usage: mesh_in_process SURFACE SPEC.json OUT [--without-layers] [--threads N] [--tell] [--worst N]\n";
     return 2;
   }
-  bool layers = true;
+  bool layers = true, tell = false;
   int threads = 0;
   std::size_t worst = 0;
   for (int i = 4; i < argc; ++i) {
     if (std::string_view(argv[i]) == "--without-layers") layers = false;
+    if (std::string_view(argv[i]) == "--tell") tell = true;
     if (std::string_view(argv[i]) == "--threads" && i + 1 < argc) threads = std::atoi(argv[++i]);
     if (std::string_view(argv[i]) == "--worst" && i + 1 < argc) worst = std::strtoul(argv[++i], nullptr, 10);
   }
@@ -83,8 +85,13 @@ int main(int argc, char** argv) {
     context.begin(Stage::Read);
     TriangleSoup soup = io::read_surface_file(argv[1]);
     Outcome outcome;
+    Observer observer;
+    if (tell)
+      observer.on_quality = [](Stage stage, const Quality& q) {
+        std::printf("after %s: SJ min %.4f mean %.4f\n", std::string(stage_name(stage)).c_str(), q.all.min, q.all.mean);
+      };
     with_threads(threads > 0 ? threads : static_cast<int>(std::thread::hardware_concurrency()),
-                 [&] { outcome = generate(std::move(soup), spec, context); });
+                 [&] { outcome = generate(std::move(soup), spec, context, observer); });
     double wall = 0, cpu = 0;
     for (const StageRecord& s : outcome.stages) {
       std::printf("%-18s %8.2f s wall %8.2f s cpu %7.0f MB\n", std::string(stage_name(s.stage)).c_str(), s.seconds, s.cpu_seconds,
