@@ -20,7 +20,8 @@ constexpr double kFlat = 0.02;        // of the root of the cap's area: a border
 constexpr double kBent = 0.25;        // and too bent for a cap when it is further than this
 constexpr double kSamePlane = 0.999;  // cosine between a cap and one inside it
 constexpr double kMostOpen = 0.12;    // of the shells' area, caps included: more is a side that is missing
-constexpr std::size_t kMostPoints = 4000;
+constexpr std::size_t kMostPoints = 2000;         // of a border, with those inside it
+constexpr std::size_t kMostPasses = 64;           // over a polygon's corners, looking for ears
 constexpr std::size_t kMostWithIslands = 4000;    // rims: among more none is looked for inside another
 constexpr std::size_t kMostLooks = 100'000'000;   // triangles looked at to tell walls: what is left, the smallest, stays open
 constexpr std::size_t kMostBridges = 64;  // tried between a border and one inside it
@@ -141,6 +142,7 @@ bool crosses(const std::vector<Point2>& polygon, const Point2& from, const Point
 
 // One polygon of two, joined by an edge that runs there and back. False: none was found.
 bool join(Polygon& outer, const Polygon& inner) {
+  if (outer.points.size() + inner.points.size() > kMostPoints) return false;
   std::vector<std::tuple<double, std::size_t, std::size_t>> bridges;
   for (std::size_t i = 0; i < outer.flat.size(); ++i)
     for (std::size_t j = 0; j < inner.flat.size(); ++j) bridges.emplace_back((outer.flat[i] - inner.flat[j]).squaredNorm(), i, j);
@@ -179,8 +181,9 @@ std::optional<std::vector<Corners>> triangulated(Polygon polygon) {
       return cross(b - a, p - a) >= 0 && cross(c - b, p - b) >= 0 && cross(a - c, p - c) >= 0;
     });
   };
-  std::size_t at_corner = 0;
-  for (std::size_t passed = 0; flat.size() > 2 && passed < flat.size();) {
+  std::size_t at_corner = 0, looks = kMostPasses * flat.size();
+  for (std::size_t passed = 0; flat.size() > 2 && passed < flat.size(); --looks) {
+    if (looks == 0) return {};
     const std::size_t n = flat.size(), i = at_corner % n, before = (i + n - 1) % n, after = (i + 1) % n;
     if (!is_ear(i)) {
       ++at_corner;

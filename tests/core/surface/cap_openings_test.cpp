@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 
 #include "core/base/context.h"
 #include "core/surface/surface.h"
@@ -112,6 +113,30 @@ TEST(CapOpenings, HolesThatTouchAreClosedEach) {
   EXPECT_EQ(c.caps(), 2);
   EXPECT_TRUE(c.surface.closed);
   EXPECT_NEAR(volume_of(c.surface), 1, 1e-12);
+}
+
+// A comb: nearly no corner is an ear for long.
+TEST(CapOpenings, ALongBorderTakesNoTime) {
+  constexpr int kTeeth = 400;
+  TriangleSoup soup;
+  soup.patch_names = {"comb"};
+  std::vector<std::array<double, 2>> outline{{0, 0}, {2.0 * kTeeth, 0}};
+  for (int i = kTeeth; i-- > 0;) {
+    outline.push_back({2.0 * i + 1.9, 50});
+    outline.push_back({2.0 * i, 1});
+  }
+  const auto n = static_cast<std::int32_t>(outline.size());
+  for (const double z : {0.0, 2000.0})
+    for (const auto& [x, y] : outline) soup.points.emplace_back(x, y, z);
+  for (std::int32_t i = 0; i < n; ++i) {
+    const std::int32_t j = (i + 1) % n;
+    soup.triangles.push_back({i, j, n + j});
+    soup.triangles.push_back({i, n + j, n + i});
+  }
+  soup.patch.assign(soup.triangles.size(), 0);
+  const auto begun = std::chrono::steady_clock::now();
+  EXPECT_EQ(conditioned(soup).caps(), 2);
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(20));
 }
 
 TEST(CapOpenings, ASideThatIsMissingStaysOpen) { EXPECT_EQ(conditioned(well(1)).caps(), 0); }
