@@ -4,7 +4,6 @@
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
-#include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -102,7 +101,12 @@ class DataLock {
     const std::string path = folder + "/lock";
     fd_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (fd_ < 0) throw std::runtime_error("cannot open " + path + ": " + std::strerror(errno));
-    if (flock(fd_, LOCK_EX | LOCK_NB) != 0) throw std::runtime_error("another stratad uses " + folder);
+    // A lock of the process, not of the file (flock): a worker that is just being spawned has a copy of the file for a moment, and would keep
+    // the folder from the next server if this one were killed then.
+    struct flock whole{};
+    whole.l_type = F_WRLCK;
+    whole.l_whence = SEEK_SET;
+    if (fcntl(fd_, F_SETLK, &whole) != 0) throw std::runtime_error("another stratad uses " + folder);
   }
   ~DataLock() { close(fd_); }
   DataLock(const DataLock&) = delete;
