@@ -47,6 +47,7 @@ class KilledAtAnyMoment(Case):
         expected = self.folder / "expected.vtu"
         self.expect(self.server.run("mesh", self.surface, "--spec", self.spec, "-o", expected), 0)
         self.accepted, self.complaints, self.lock, self.enough = {}, [], threading.Lock(), threading.Event()
+        self.addCleanup(self.enough.set)
         clients = [threading.Thread(target=self.submit_until_told, args=(n,)) for n in range(3)]
         for client in clients:
             client.start()
