@@ -193,7 +193,8 @@ FittedMesh attempt(const Asked& asked, Carved carved, bool thin_places) {
   }
   const Surface& skin = result.skin(asked.surface);
   result.ground = std::make_unique<const Ground>(skin, result.part ? *result.part_features : asked.features);
-  Fitted fitted = fit_or_fall(std::move(carved.mesh), {asked.surface, skin, *result.ground, asked.observer, context, result.rung, thin_places});
+  Fitted fitted =
+      fit_or_fall(std::move(carved.mesh), {asked.surface, skin, *result.ground, asked.observer, context, result.rung, thin_places});
   result.mesh = std::move(fitted.mesh);
   result.merged = std::move(fitted.merged);
   result.shortfall = std::move(fitted.shortfall);
