@@ -53,6 +53,7 @@ void drop_unused_vertices(HexMesh& mesh, IdMap<VertexId, double>& fraction, Laye
 struct Reachable {
   IdMap<VertexId, std::uint8_t> wall;
   int rings = kLeastRings;
+  double thickest = 0;   // over the local size
 };
 Reachable reach_of(const HexMesh& mesh, const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes) {
   Reachable result{IdMap<VertexId, std::uint8_t>(mesh.position.size(), 0)};
@@ -65,7 +66,7 @@ Reachable reach_of(const HexMesh& mesh, const std::vector<LayerSpec>& entries, c
     edges[patch] += std::sqrt(area_vector(mesh, mesh.quads[q]).norm());
     ++quads[patch];
   }
-  double thickest = 0;   // over the local size
+  double& thickest = result.thickest;
   for (PatchId p : wishes.ids()) {
     if (quads[p] == 0) continue;
     const double size = entries[static_cast<std::size_t>(wishes[p].entry)].relative ? 1 : edges[p] / static_cast<double>(quads[p]);
@@ -168,7 +169,7 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
   }
   const Locator locator(surface);
   const Reachable reach = reach_of(mesh, layers, wishes);
-  const LayerRequest request{layers, wishes, ground, locator, reach.rings};
+  const LayerRequest request{layers, wishes, ground, locator, reach.rings, reach.thickest};
   Band band = cut_band(std::move(mesh), reach.wall, reach.rings + 1);
   const std::size_t allowed = not_positive(band.mesh).size();
   PlanLessons lessons;

@@ -19,6 +19,11 @@ constexpr int kMostWidenings = 8;
 constexpr double kStep = 0.6;             // of the local size: the way tops go at once
 constexpr int kMostSteps = 40;
 constexpr int kCatchUps = 6;
+constexpr double kThick = 3;              // local sizes: what the rings next to the wall can bear alone (paper section 10)
+constexpr double kStride = 1;             // of the local size: the way that the top of a thick layer goes in one step at most
+constexpr int kThickCatchUps = 20;
+constexpr double kThicknessSlope = 0.4;   // of layers that are not thick
+constexpr double kMostSlope = 1;
 constexpr double kProgress = 0.95;        // of the way that was left before: when no less is, it ends
 constexpr double kRegrowth = 2;           // what a short column tries at once
 constexpr double kRegrowthStart = 0.1;    // of its wish, on top
@@ -44,7 +49,14 @@ double wish_of(const GrowingSheet& sheet, std::size_t c, Reach reach) {
 }  // namespace
 
 Grower::Grower(HexMesh start, LayerPlan planned, const LayerRequest& request, Context& context)
-    : mesh(std::move(start)), plan(std::move(planned)), request_(request), context_(context), widened_(mesh.quads.size(), -1) {
+    : mesh(std::move(start)),
+      plan(std::move(planned)),
+      request_(request),
+      context_(context),
+      widened_(mesh.quads.size(), -1),
+      thick_(request.thickest > kThick),
+      // The thicker the layers, the wider the surroundings that one narrow place would thin at the same slope.
+      slope_(std::clamp(kThicknessSlope * request.thickest / kThick, kThicknessSlope, kMostSlope)) {
   for (std::size_t g = 0; g < plan.groups.size(); ++g)
     for (QuadId q : plan.groups[g].beyond) widened_[q.index()] = static_cast<std::int32_t>(g);
 }
@@ -192,7 +204,8 @@ void Grower::decide_law(GroupSheet& sheet) {
   g.beside = columns_beside(mesh, wall, g.columns);
   if (sheet.measured.size() == 0) {
     sheet.measured = g.columns;
-    sheet.room = room_at(mesh, g.columns, g.feet, sheet.laws, request_.ground.surface(), request_.locator);
+    sheet.room =
+        room_at(mesh, g.columns, g.feet, sheet.laws, request_.ground, request_.locator, thick_ ? Strips::Measured : Strips::AsLongAsWished);
     forget_room_on_strips(sheet);
     if (give_up_layers(sheet)) return decide_law(sheet);
   }
@@ -202,7 +215,7 @@ void Grower::decide_law(GroupSheet& sheet) {
     if (const std::int32_t known = sheet.measured.find(g.columns.bottom[c]); known >= 0)
       g.thickness[c] = std::min(g.thickness[c], sheet.room[static_cast<std::size_t>(known)]);
   }
-  grade(mesh, g.columns, g.beside, g.thickness);
+  grade(mesh, g.columns, g.beside, slope_, g.thickness);
   g.needed.resize(g.thickness.size());
   g.first.resize(g.thickness.size());
   g.physical.resize(g.thickness.size());
@@ -293,7 +306,9 @@ void Grower::inflate() {
   // Now that all sheets are in, their columns know all their neighbours.
   remeasure();
   for (GroupSheet& s : sheets_) decide_law(s);
-  const Inflation inflation(mesh, growing(), request_.ground, request_.rings);
+  const Inflation inflation(mesh, growing(), request_.ground, request_.rings, thick_ ? Burden::BySize : Burden::Alike);
+  const double stride = thick_ ? kStride : std::numeric_limits<double>::infinity();
+  const int catch_ups = thick_ ? kThickCatchUps : kCatchUps;
   double left = 0;   // of the ways of the last step
   const auto advance = [&](const Inflation::Step& step) {
     Inflation::Advanced advanced = inflation.advance(std::move(mesh), growing(), step, context_);
@@ -307,15 +322,15 @@ void Grower::inflate() {
     const int steps = std::clamp(static_cast<int>(std::ceil(way / kStep)), 1, kMostSteps);
     for (int i = 0; i < steps; ++i) {
       if (i > 0) remeasure();
-      advance({reach, 1.0 / (steps - i), floor, kSweeps, settle});
+      advance({reach, 1.0 / (steps - i), floor, kSweeps, settle, stride});
     }
     // Columns that stay short draw their neighbours down, then all grow again together: what was in the way has settled by then.
     double before = std::numeric_limits<double>::infinity();
-    for (int i = 0; i < kCatchUps && left > 0 && (i < 2 || left < kProgress * before); ++i) {
+    for (int i = 0; i < catch_ups && left > 0 && (i < 2 || left < kProgress * before); ++i) {
       before = left;
       remeasure();
       const std::vector<std::vector<double>> wish = hold_back(reach, kRegrowth);
-      advance({reach, 1.0, floor, kSweeps, settle, true});
+      advance({reach, 1.0, floor, kSweeps, settle, stride, true});
       for (std::size_t s = 0; s < sheets_.size(); ++s) sheets_[s].growing.thickness = wish[s];
     }
   }
@@ -342,7 +357,7 @@ std::vector<std::vector<double>> Grower::hold_back(Reach reach, double growth) {
       const double height = height_of(mesh, g, c), wish = wish_of(g, c, reach);
       if (height < kShort * wish) g.thickness[c] = std::min(g.thickness[c], growth * height + (growth - 1) * kRegrowthStart * wish);
     }
-    grade(mesh, g.columns, g.beside, g.thickness);
+    grade(mesh, g.columns, g.beside, slope_, g.thickness);
   }
   return before;
 }

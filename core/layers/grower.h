@@ -23,6 +23,7 @@ struct LayerRequest {
   const Ground& ground;
   const Locator& locator;
   int rings;                           // of vertices that give way
+  double thickest;                     // thickness that is asked for, over the local size
 };
 
 // One group's sheet.
@@ -78,6 +79,8 @@ class Grower {
   Context& context_;
   std::vector<std::int32_t> widened_;  // group a bare quad was given to, by quad; -1
   std::vector<GroupSheet> sheets_;
+  bool thick_;                         // layers far thicker than the walls' quads are wide
+  double slope_;                       // largest change of thickness per unit length along the wall
   std::size_t opened_ = 0;             // sheets before it are open
   HexId first_sheet_hex_;
   // Four columns of a sheet that are to be cut at the same fractions.

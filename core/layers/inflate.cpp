@@ -37,7 +37,7 @@ bool is_worse(double now, double before, double enough) {
 
 }  // namespace
 
-Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings)
+Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings, Burden burden)
     : ground_(&ground),
       stars_(hexes_round_vertices(mesh)),
       guard_(mesh, sheets),
@@ -74,7 +74,7 @@ Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheet
           if (mesh.attachment[v].hold == Hold::Corner || mesh.attachment[v].hold == Hold::Fixed || stars_.of(v).empty())
             role_[v] = Role::Still;
         for (const Goal& goal : goals_) role_[goal.top] = Role::Driven;
-        return Spread(mesh, stars_, role_, rings);
+        return Spread(mesh, stars_, role_, rings, burden);
       }()),
       wall_([&] {
         // Feet slide; what the volume's spread carries along bare walls anyway, and all that cannot slide, stays out of it.
@@ -125,13 +125,18 @@ double Inflation::thickness_of(const Goal& goal, const std::vector<GrowingSheet>
   return thickness;
 }
 
+double Inflation::size_at(const Goal& goal, const std::vector<GrowingSheet>& sheets) {
+  double size = 0;
+  for (std::size_t k = 0; k < 2 && k < static_cast<std::size_t>(goal.sheets); ++k)
+    size = std::max(size, sheets[static_cast<std::size_t>(goal.sheet[k])].feet[static_cast<std::size_t>(goal.column[k])].size);
+  return size;
+}
+
 double Inflation::typical_way(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const {
   const IdMap<VertexId, Vec3> target = targets(mesh, sheets, reach);
   std::vector<double> ways;
   for (const Goal& goal : goals_) {
-    double size = 0;
-    for (std::size_t k = 0; k < 2 && k < static_cast<std::size_t>(goal.sheets); ++k)
-      size = std::max(size, sheets[static_cast<std::size_t>(goal.sheet[k])].feet[static_cast<std::size_t>(goal.column[k])].size);
+    const double size = size_at(goal, sheets);
     if (size > 0) ways.push_back((target[goal.top] - mesh.position[goal.top]).norm() / size);
   }
   if (ways.empty()) return 0;
@@ -262,7 +267,11 @@ Inflation::Advanced Inflation::advance(HexMesh mesh, const std::vector<GrowingSh
   context.checkpoint();
   IdMap<VertexId, Vec3> end = targets(mesh, sheets, step.reach);
   IdMap<VertexId, Vec3> move(mesh.position.size(), Vec3::Zero());
-  for (const Goal& goal : goals_) move[goal.top] = step.share * (end[goal.top] - mesh.position[goal.top]);
+  for (const Goal& goal : goals_) {
+    const Vec3 way = step.share * (end[goal.top] - mesh.position[goal.top]);
+    const double length = way.norm(), most = step.stride * size_at(goal, sheets);
+    move[goal.top] = length > most ? Vec3(way * (most / length)) : way;
+  }
   wall_.fill(move);
   for (VertexId v : wall_.carried()) {
     const Vec3 to = ground_->project(mesh.attachment[v], mesh.position[v] + move[v]).position;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <vector>
 
 #include "core/layers/growing_sheet.h"
@@ -24,8 +25,8 @@ enum class Settle {
 // Moves the tops of open sheets towards their thickness. Made once for a mesh's connections.
 class Inflation {
  public:
-  // Vertices within `rings` rings of a top give way.
-  Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings);
+  // Vertices within `rings` rings of a top give way; `burden`: which of them how much.
+  Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings, Burden burden = Burden::Alike);
 
   // The way that nearly all tops have to go at most, over the local size.
   [[nodiscard]] double typical_way(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const;
@@ -38,6 +39,7 @@ class Inflation {
     double floor = 0;
     int sweeps = 0;
     Settle settle = Settle::Around;
+    double stride = std::numeric_limits<double>::infinity();  // most that a top goes, over the local size
     bool late_only = false;  // settles only round tops that are not where they should be
   };
   struct Advanced {
@@ -55,6 +57,7 @@ class Inflation {
     VertexId common;  // below both
   };
   [[nodiscard]] IdMap<VertexId, Vec3> targets(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const;
+  [[nodiscard]] static double size_at(const Goal& goal, const std::vector<GrowingSheet>& sheets);
   [[nodiscard]] static double thickness_of(const Goal& goal, const std::vector<GrowingSheet>& sheets, Reach reach);
   [[nodiscard]] HexMesh settle(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, const std::vector<VertexId>& late,
                                Context& context) const;

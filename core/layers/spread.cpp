@@ -1,6 +1,7 @@
 #include "core/layers/spread.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "core/base/parallel.h"
 #include "core/mesh/hex.h"
@@ -9,11 +10,15 @@ namespace strata {
 namespace {
 
 constexpr int kSweeps = 12;  // of Jacobi, from a start that decays ring by ring
+constexpr int kMostIterations = 200;    // of conjugate gradients
+constexpr double kSolved = 1e-3;        // of the residual at the start
+constexpr double kLeastSquare = 1e-24;  // of edges, in the working frame: columns that are not open yet
 
 }  // namespace
 
-Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings) {
+Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, Burden burden) {
   reach(mesh, stars, role, rings, nullptr);
+  if (burden == Burden::BySize) weigh(mesh);
 }
 
 Spread::Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, const Among& among) {
@@ -89,7 +94,63 @@ void Spread::fill(IdMap<VertexId, Vec3>& move) const {
     });
     begin = ring_end_[ring];
   }
+  if (!weight_.empty()) return solve(move);
   for (int sweep = 0; sweep < kSweeps; ++sweep) update(0, carried_.size(), mean);
+}
+
+// Springs along edges, with the stiffness of rods whose section does not grow with their length.
+void Spread::weigh(const HexMesh& mesh) {
+  slot_.assign(mesh.position.size(), -1);
+  for (std::size_t i = 0; i < carried_.size(); ++i) slot_[carried_[i]] = static_cast<std::int32_t>(i);
+  weight_.resize(neighbours_.size());
+  parallel_for(carried_.size(), [&](std::size_t i) {
+    for (auto k = static_cast<std::size_t>(first_[i]); k < static_cast<std::size_t>(first_[i + 1]); ++k) {
+      const double length = (mesh.position[neighbours_[k]] - mesh.position[carried_[i]]).norm();
+      weight_[k] = 1 / std::max(length * length, kLeastSquare);
+    }
+  });
+}
+
+// Conjugate gradients, scaled by the diagonal, from the moves that are there.
+void Spread::solve(IdMap<VertexId, Vec3>& move) const {
+  const std::size_t n = carried_.size();
+  std::vector<Vec3> residual(n), direction(n), image(n);
+  std::vector<double> diagonal(n);
+  const auto spokes = [&](std::size_t i, const auto& body) {
+    for (auto k = static_cast<std::size_t>(first_[i]); k < static_cast<std::size_t>(first_[i + 1]); ++k) body(k);
+  };
+  const auto dot = [&](const std::vector<Vec3>& a, const std::vector<Vec3>& b, bool scaled) {
+    return parallel_reduce(n, 0.0, [&](std::size_t i) { return a[i].dot(b[i]) / (scaled ? diagonal[i] : 1); }, std::plus<>());
+  };
+  parallel_for(n, [&](std::size_t i) {
+    residual[i] = Vec3::Zero();
+    diagonal[i] = 0;
+    spokes(i, [&](std::size_t k) {
+      residual[i] += weight_[k] * (move[neighbours_[k]] - move[carried_[i]]);
+      diagonal[i] += weight_[k];
+    });
+    diagonal[i] = std::max(diagonal[i], kLeastSquare);
+    direction[i] = residual[i] / diagonal[i];
+  });
+  double rho = dot(residual, residual, true);
+  const double enough = rho * kSolved * kSolved;
+  for (int iteration = 0; iteration < kMostIterations && rho > enough && rho > 0; ++iteration) {
+    parallel_for(n, [&](std::size_t i) {
+      image[i] = Vec3::Zero();
+      spokes(i, [&](std::size_t k) {
+        const std::int32_t j = slot_[neighbours_[k]];
+        image[i] += weight_[k] * (direction[i] - (j < 0 ? Vec3(Vec3::Zero()) : direction[static_cast<std::size_t>(j)]));
+      });
+    });
+    const double alpha = rho / dot(direction, image, false);
+    parallel_for(n, [&](std::size_t i) {
+      move[carried_[i]] += alpha * direction[i];
+      residual[i] -= alpha * image[i];
+    });
+    const double next = dot(residual, residual, true), beta = next / rho;
+    parallel_for(n, [&](std::size_t i) { direction[i] = residual[i] / diagonal[i] + beta * direction[i]; });
+    rho = next;
+  }
 }
 
 }  // namespace strata

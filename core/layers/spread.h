@@ -16,14 +16,21 @@ enum class Role : std::uint8_t {
   Still,    // does not move
 };
 
+// Who bears how much of what must give way.
+enum class Burden {
+  Alike,    // each ring of hexes the same: right for moves of a few sizes, and quickly found
+  BySize,  // large hexes more than small ones, in proportion to the square of their lengths: the small ones near what is driven go along
+  // nearly unchanged, however far that is, as long as there are larger ones before them
+};
+
 class Spread {
  public:
-  // Only vertices within `rings` rings of a driven one are carried.
-  Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings);
+  // Only vertices within `rings` rings of a driven one are carried. Sizes are those of the mesh as it is now.
+  Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, Burden burden = Burden::Alike);
   // What counts, when it is not everything.
   struct Among {
-    IdMap<VertexId, std::uint8_t> vertices;                    // 1: counts
-    std::vector<std::pair<VertexId, VertexId>> apart;          // sorted: edges that do not carry, either way round
+    IdMap<VertexId, std::uint8_t> vertices;  // 1: counts
+    std::vector<std::pair<VertexId, VertexId>> apart;  // sorted: edges that do not carry, either way round
   };
   Spread(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, const Among& among);
 
@@ -32,12 +39,16 @@ class Spread {
   void fill(IdMap<VertexId, Vec3>& move) const;
 
  private:
+  void weigh(const HexMesh& mesh);
+  void solve(IdMap<VertexId, Vec3>& move) const;
   void reach(const HexMesh& mesh, const VertexStars<HexId>& stars, const IdMap<VertexId, Role>& role, int rings, const Among* among);
 
   std::vector<VertexId> carried_;
   std::vector<std::size_t> ring_end_;
-  std::vector<std::int32_t> first_;        // neighbours by edges of carried_[i]
+  std::vector<std::int32_t> first_;  // neighbours by edges of carried_[i]
   std::vector<VertexId> neighbours_;
+  std::vector<double> weight_;  // of each of these; empty: all alike
+  IdMap<VertexId, std::int32_t> slot_;  // in carried_, or -1; only with weights
 };
 
 }  // namespace strata

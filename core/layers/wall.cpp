@@ -21,7 +21,9 @@ constexpr double kLeastLean = 0.02;       // of the thickness: less is not worth
 constexpr double kRayStart = 1e-3;        // of the local size: off the own wall
 constexpr double kOwnWall = 0.5;          // of the local size: nearer hits may be the own wall
 constexpr int kMostOwnWalls = 4;
-constexpr double kThicknessSlope = 0.4;   // largest change of thickness per unit length along the wall
+constexpr double kStripShare = 0.75;      // of what columns slide on, from the wall to its far end: the rest is for its own quads
+constexpr int kStripSteps = 8;
+constexpr double kOnStrip = 0.7;          // of the way asked for: nearer places are the far end
 constexpr int kSlopeSweeps = 60;
 
 // The side of the facet's quad that is seen: +1 when the quad's own normal points in.
@@ -181,16 +183,35 @@ std::optional<double> way_to_opposite_wall(const Vec3& from, const Foot& foot, d
   return std::nullopt;
 }
 
+// Along what the column slides on, to its far end.
+std::optional<double> way_along(const Ground& ground, const Attachment& held, const Vec3& from, const Vec3& direction, double limit) {
+  for (int i = 1; i <= kStripSteps; ++i) {
+    const double asked = limit * i / kStripSteps;
+    const double way = (ground.project(held, from + asked * direction).position - from).norm();
+    if (way < kOnStrip * asked) return way;
+  }
+  return std::nullopt;
+}
+
 std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws,
-                            const Surface& surface, const Locator& locator) {
+                            const Ground& ground, const Locator& locator, Strips strips) {
   std::vector<double> room(columns.size(), std::numeric_limits<double>::infinity());
   parallel_for(
       columns.size(),
       [&](std::size_t c) {
-        if (mesh.attachment[columns.top[c]].hold != Hold::Free) return;  // a ray along the surface hits it
-        const Vec3 from = mesh.position[columns.bottom[c]] + feet[c].direction * (kRayStart * feet[c].size);
-        const double limit = wished_thickness(laws[c], feet[c].size) * feet[c].stretch / kGapShare;
-        if (const auto gap = way_to_opposite_wall(from, feet[c], limit, surface, locator))
+        const Attachment& held = mesh.attachment[columns.top[c]];
+        const Vec3& foot = mesh.position[columns.bottom[c]];
+        const double wished = wished_thickness(laws[c], feet[c].size) * feet[c].stretch;
+        if (held.hold != Hold::Free) {  // a ray along the surface hits it
+          const bool slides = held.hold == Hold::Chart || held.hold == Hold::Curve;
+          if (strips == Strips::AsLongAsWished || !slides) return;
+          if (const auto way = way_along(ground, held, foot, feet[c].direction, wished / kStripShare))
+            room[c] = std::max(*way * kStripShare / feet[c].stretch, kRayStart * feet[c].size);
+          return;
+        }
+        const Vec3 from = foot + feet[c].direction * (kRayStart * feet[c].size);
+        const double limit = wished / kGapShare;
+        if (const auto gap = way_to_opposite_wall(from, feet[c], limit, ground.surface(), locator))
           room[c] = std::max(*gap * kGapShare / feet[c].stretch, kRayStart * feet[c].size);
       },
       256);
@@ -211,16 +232,16 @@ std::vector<std::array<std::int32_t, 2>> columns_beside(const HexMesh& mesh, con
   return beside;
 }
 
-void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside,
+void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside, double slope,
            std::vector<double>& thickness) {
   for (int sweep = 0; sweep < kSlopeSweeps; ++sweep) {
     bool changed = false;
     for (const auto& [a, b] : beside) {
       const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
-      const double slope = kThicknessSlope * (mesh.position[columns.bottom[i]] - mesh.position[columns.bottom[j]]).norm();
+      const double most = slope * (mesh.position[columns.bottom[i]] - mesh.position[columns.bottom[j]]).norm();
       double &ti = thickness[i], &tj = thickness[j];
-      if (ti > tj + slope) ti = tj + slope, changed = true;
-      if (tj > ti + slope) tj = ti + slope, changed = true;
+      if (ti > tj + most) ti = tj + most, changed = true;
+      if (tj > ti + most) tj = ti + most, changed = true;
     }
     if (!changed) break;
   }

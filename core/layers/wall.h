@@ -37,14 +37,19 @@ struct Foot {
 std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns, const Ground& ground,
                           const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes);
 
+// Room for columns that slide along a bare wall.
+enum class Strips {
+  AsLongAsWished,  // columns of a few sizes find their end as they grow
+  Measured,        // a share of the way to the far end of the wall: thick columns would drive all its quads against it
+};
 // For each foot the thickness (normal to the wall) that there is room for: a share of the gap in front of the wall, as far as the laws ask.
 std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws,
-                            const Surface& surface, const Locator& locator);
+                            const Ground& ground, const Locator& locator, Strips strips);
 
 // Pairs of columns that an edge of the wall joins, once each.
 std::vector<std::array<std::int32_t, 2>> columns_beside(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns);
-// Lowers thicknesses so that they change gently along the wall.
-void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside,
+// Lowers thicknesses so that they change by no more than `slope` per unit length along the wall.
+void grade(const HexMesh& mesh, const Columns& columns, const std::vector<std::array<std::int32_t, 2>>& beside, double slope,
            std::vector<double>& thickness);
 
 // In a concave edge that one sheet covers, the columns on the edge lean away from either wall, over the next columns when they are thick.

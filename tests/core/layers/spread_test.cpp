@@ -67,5 +67,29 @@ TEST(Spread, DoesNotCrossEdgesThatAreApart) {
     }
 }
 
+// Springs in a row: each gives way in proportion to the square of its length.
+TEST(Spread, LetsLargeHexesBearMoreThanSmallOnes) {
+  Pushed p;
+  const std::vector<double> height{0, 1, 2, 3, 5, 7, 11, 15, 23};
+  for (Vec3& at : p.mesh.position) at.z() = height[static_cast<std::size_t>(at.z())];
+  for (VertexId v : p.mesh.position.ids())
+    if (p.mesh.position[v].z() == height.back()) p.role[v] = Role::Still;
+  const Spread spread(p.mesh, hexes_round_vertices(p.mesh), p.role, 20, Burden::BySize);
+  spread.fill(p.move);
+  const auto given = [&](double z) {
+    double sum = 0, all = 0;
+    for (std::size_t i = 1; i < height.size(); ++i) {
+      const double square = (height[i] - height[i - 1]) * (height[i] - height[i - 1]);
+      all += square;
+      if (height[i] <= z) sum += square;
+    }
+    return sum / all;
+  };
+  for (VertexId v : p.mesh.position.ids()) {
+    EXPECT_NEAR(p.move[v].z(), 1 - given(p.mesh.position[v].z()), 1e-3);
+    EXPECT_NEAR(p.move[v].x(), 0, 1e-12);
+  }
+}
+
 }  // namespace
 }  // namespace strata::testing
