@@ -111,7 +111,7 @@ HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context)
   OptimiseRequest request;
   request.ground = &ground;
   mesh = relax(std::move(mesh), ground, context);
-  return polish(std::move(mesh), request, kPolishGoal, kPolishRounds, context).mesh;
+  return polish(std::move(mesh), request, kPolishGoal, kPolishRounds, context, Regard::AnglesAndShape).mesh;
 }
 
 }  // namespace strata

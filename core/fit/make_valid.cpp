@@ -191,7 +191,7 @@ std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near,
   options.rings = kRings;
   options.min_scaled_jacobian = kCalmJacobian;
   mesh = optimise(std::move(mesh), request, options, context).mesh;
-  mesh = polish(std::move(mesh), request, kCalmJacobian, kPolishRounds, context).mesh;
+  mesh = polish(std::move(mesh), request, kCalmJacobian, kPolishRounds, context, Regard::AnglesAndShape).mesh;
   if (!loosened.freed.empty()) {  // lead them back
     for (VertexId v : loosened.freed) mesh.attachment[v] = {Hold::Chart, kWholeSurface};
     if (freedom == Freedom::StayOff) approach(mesh, loosened.freed, ground);
@@ -226,7 +226,7 @@ void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Contex
   if (features == 0 && freed == 0) return;
   OptimiseRequest request;
   request.ground = &ground;
-  better = polish(std::move(better), request, kGoal, kLastRounds, context).mesh;
+  better = polish(std::move(better), request, kGoal, kLastRounds, context, Regard::AnglesAndShape).mesh;
   if (!bad_hexes(better).empty() || (freed > 0 && poorest_hexes(better).size() >= poor.size())) return;
   mesh = std::move(better);
   features += freed;

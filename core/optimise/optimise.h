@@ -55,7 +55,14 @@ struct OptimiseResult {
 // lets more others become so; but for Arrival::AtOnce the count of inverted hexes never grows. Deterministic for any thread count.
 OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const OptimiseOptions& options, Context& context);
 
+// What the polish holds against a hex beside its scaled Jacobian, which is blind to lengths.
+enum class Regard {
+  Angles,          // hardly anything: for layers, which are meant to be thin
+  AnglesAndShape,  // that it is flat or long beside its target, too: a scaled Jacobian is not worth a sliver
+};
+
 // Worst first: raises the smallest scaled Jacobians one neighbourhood at a time; accepts strict improvement only.
-OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal, int rounds, Context& context);
+OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal, int rounds, Context& context,
+                      Regard regard = Regard::Angles);
 
 }  // namespace strata

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "core/base/context.h"
@@ -15,6 +16,9 @@ namespace {
 constexpr int kSweepsPerRound = 6;
 constexpr int kRings = 2;      // of vertices round a poor hex that help it
 constexpr int kHalvings = 5;
+constexpr double kShapeShare = 1e-3;  // of the shape energy where angles alone count: decides only where angles do not
+constexpr double kShapely = 2;  // u of a corner (star.h) that weighs as much as a right angle, where shape counts: u of a hex n times
+    // as flat as a cube is about n / 2
 
 double jacobian_of(const HexMesh& mesh, HexId h) {
   std::array<Vec3, 8> p;
@@ -22,8 +26,14 @@ double jacobian_of(const HexMesh& mesh, HexId h) {
   return corner_scaled_jacobian(p);
 }
 
+// 1 / SJ and u / kShapely are raised to the same power, so that the worse of the two decides.
+Star::AngleEnergy energy_of(int exponent, Regard regard) {
+  if (regard == Regard::Angles) return {exponent, exponent, kShapeShare};
+  return {exponent, 2 * exponent, std::pow(kShapely, -2 * exponent)};
+}
+
 // A vertex moves only when the angle energy of its star falls and its worst corner does not sink below the goal or below what it was.
-bool lift(Workspace& work, VertexId v, const Star& star, int exponent, double goal) {
+bool lift(Workspace& work, VertexId v, const Star& star, const Star::AngleEnergy& energy, double goal) {
   if (!star.all_sound()) return false;
   const Attachment attachment = work.attachment(v);
   const bool free = attachment.hold == Hold::Free;
@@ -32,10 +42,10 @@ bool lift(Workspace& work, VertexId v, const Star& star, int exponent, double go
   if (freedom.dimensions == 0) return false;
   const double worst = star.scaled_jacobian(Vec3::Zero());
   const double floor = std::min(worst, goal);
-  const double before = star.angle_energy(Vec3::Zero(), exponent);
+  const double before = star.angle_energy(Vec3::Zero(), energy);
   Vec3 gradient;
   Mat3 hessian;
-  star.angle_derivatives(Vec3::Zero(), exponent, gradient, hessian);
+  star.angle_derivatives(Vec3::Zero(), energy, gradient, hessian);
   Vec3 d = newton_step(freedom, gradient, hessian);
   const double longest = 0.5 * star.size();
   if (d.norm() > longest) d *= longest / d.norm();
@@ -46,7 +56,7 @@ bool lift(Workspace& work, VertexId v, const Star& star, int exponent, double go
       at = work.ground()->project(attachment, work.position(v) + d, work.foot(v).hint);
       on = at.position - work.position(v);
     }
-    if (!(star.angle_energy(on, exponent) < before) || star.scaled_jacobian(on) < floor) continue;
+    if (!(star.angle_energy(on, energy) < before) || star.scaled_jacobian(on) < floor) continue;
     work.move(v, star, on);
     if (!free) {
       work.foot(v).direction = at.direction;
@@ -59,7 +69,7 @@ bool lift(Workspace& work, VertexId v, const Star& star, int exponent, double go
 
 }  // namespace
 
-OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal, int rounds, Context& context) {
+OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal, int rounds, Context& context, Regard regard) {
   constexpr std::array<int, 4> kExponents{2, 4, 8, 12};  // SJ^-2k: later rounds look at the worst only
   OptimiseRequest everywhere = request;
   Workspace work(mesh, everywhere, -1, false);
@@ -73,9 +83,10 @@ OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal,
     if (poor.empty()) break;
     work.wake_only_near(poor, kRings);
     const int exponent = kExponents[std::min<std::size_t>(static_cast<std::size_t>(round), kExponents.size() - 1)];
+    const Star::AngleEnergy energy = energy_of(exponent, regard);
     std::int64_t moved_in_round = 0;
     for (int sweep = 0; sweep < kSweepsPerRound; ++sweep, ++sweeps) {
-      const std::int64_t moved = work.sweep([&](VertexId v, const Star& star) { return lift(work, v, star, exponent, goal); }, context);
+      const std::int64_t moved = work.sweep([&](VertexId v, const Star& star) { return lift(work, v, star, energy, goal); }, context);
       moved_in_round += moved;
       if (moved == 0) break;
     }

@@ -6,8 +6,6 @@
 namespace strata {
 namespace {
 
-constexpr double kShapeShare = 1e-3;  // of the shape energy in the angle energy: decides only where angles do not
-
 star_kernels::Place place(const Vec3& d) { return {d.x(), d.y(), d.z()}; }
 
 double raised(double u, int exponent) {
@@ -67,7 +65,7 @@ double Star::constant_lengths(std::size_t h, std::size_t corner) const {
   return W * std::sqrt(from_e(4 + k).squaredNorm() * from_e(4 + (k + 2) % 3).squaredNorm());
 }
 
-double Star::angle_energy(const Vec3& d, int exponent) const {
+double Star::angle_energy(const Vec3& d, const AngleEnergy& energy) const {
   double sum = 0;
   for (std::size_t h = 0; h < static_cast<std::size_t>(hexes_); ++h) {
     double product2 = 1;
@@ -77,18 +75,18 @@ double Star::angle_energy(const Vec3& d, int exponent) const {
       const double D = determinant(static_cast<int>(h), static_cast<int>(c), d), fixed = constant_lengths(h, c);
       const double below2 = fixed * fixed * r2;
       if (D <= kFlat || below2 <= 0) return std::numeric_limits<double>::infinity();
-      sum += raised(below2 / (D * D), exponent);
+      sum += raised(below2 / (D * D), energy.exponent);
     }
   }
-  return sum + kShapeShare * value(d, 0, exponent).energy;
+  return sum + energy.shape_share * value(d, 0, energy.shape_exponent).energy;
 }
 
 // With s = 1/SJ^2: ln s = sum ln |r|^2 - 2 ln D. Its Hessian's negative part (along the edges r) is dropped.
-void Star::angle_derivatives(const Vec3& d, int exponent, Vec3& gradient, Mat3& hessian) const {
-  derivatives(d, 0, exponent, gradient, hessian);
-  gradient *= kShapeShare;
-  hessian *= kShapeShare;
-  const double k = exponent;
+void Star::angle_derivatives(const Vec3& d, const AngleEnergy& energy, Vec3& gradient, Mat3& hessian) const {
+  derivatives(d, 0, energy.shape_exponent, gradient, hessian);
+  gradient *= energy.shape_share;
+  hessian *= energy.shape_share;
+  const double k = energy.exponent;
   for (std::size_t h = 0; h < static_cast<std::size_t>(hexes_); ++h) {
     Vec3 sum = Vec3::Zero();
     Mat3 curve = Mat3::Zero();
@@ -97,7 +95,7 @@ void Star::angle_derivatives(const Vec3& d, int exponent, Vec3& gradient, Mat3& 
       const double D = determinant(static_cast<int>(h), static_cast<int>(c), d), fixed = constant_lengths(h, c);
       const Vec3 g(corners_.gx[c][h] / D, corners_.gy[c][h] / D, corners_.gz[c][h] / D);
       const Vec3 l = edges - 2 * g;
-      const double kE = k * raised(fixed * fixed * length2 / (D * D), exponent);
+      const double kE = k * raised(fixed * fixed * length2 / (D * D), energy.exponent);
       gradient += kE * l;
       hessian += kE * (k * l * l.transpose() + 2 * g * g.transpose() + curvature);
     };

@@ -101,9 +101,14 @@ class Star {
   // Smallest scaled Jacobian of the corners.
   [[nodiscard]] double scaled_jacobian(const Vec3& d) const;
 
-  // Energy sum of SJ^-2k plus a little shape energy, which keeps edges from collapsing: for lifting the worst. Needs positive corners.
-  [[nodiscard]] double angle_energy(const Vec3& d, int exponent) const;
-  void angle_derivatives(const Vec3& d, int exponent, Vec3& gradient, Mat3& hessian) const;
+  // Energy for lifting the worst: the sum over corners of SJ^-2k + share u^j. Needs positive corners.
+  struct AngleEnergy {
+    int exponent = 1;  // k
+    int shape_exponent = 1;  // j
+    double shape_share = 0;
+  };
+  [[nodiscard]] double angle_energy(const Vec3& d, const AngleEnergy& energy) const;
+  void angle_derivatives(const Vec3& d, const AngleEnergy& energy, Vec3& gradient, Mat3& hessian) const;
 
  private:
   // Of hex h: e_k - v, and the part of corner k's edge lengths that does not change (over det W^-1).

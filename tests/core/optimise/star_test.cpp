@@ -116,12 +116,13 @@ TEST(Star, AngleGradientAgreesWithFiniteDifferences) {
   std::mt19937 random(6);
   for (int round = 0; round < 20; ++round) {
     const Star star = random_star(random, 0.15, Vec3(1, 0.7, 1.8), true);
+    const Star::AngleEnergy energy{.exponent = 3, .shape_exponent = 4, .shape_share = 0.5};
     Vec3 gradient;
     Mat3 hessian;
-    star.angle_derivatives(Vec3::Zero(), 3, gradient, hessian);
+    star.angle_derivatives(Vec3::Zero(), energy, gradient, hessian);
     const double h = 1e-6;
     for (int i = 0; i < 3; ++i) {
-      const double slope = (star.angle_energy(h * Vec3::Unit(i), 3) - star.angle_energy(-h * Vec3::Unit(i), 3)) / (2 * h);
+      const double slope = (star.angle_energy(h * Vec3::Unit(i), energy) - star.angle_energy(-h * Vec3::Unit(i), energy)) / (2 * h);
       EXPECT_NEAR(slope, gradient[i], 1e-5 * (1 + gradient.norm()));
     }
     EXPECT_EQ(hessian.llt().info(), Eigen::Success);
