@@ -52,6 +52,7 @@ double poorest_shape(const std::array<Vec3, 8>& p) {
 HexMesh relax(HexMesh mesh, const Ground& ground, Context& context) {
   OptimiseRequest request;
   request.ground = &ground;
+  request.open_skin = OpenSkin::Slides;
   mesh = optimise(std::move(mesh), request, feature_options(), context).mesh;
   const std::vector<HexId> late = hexes_where(mesh, [](const std::array<Vec3, 8>& p) { return poorest_shape(p) < kLateGoal; });
   if (late.empty()) return mesh;
@@ -101,6 +102,7 @@ FitResult fit_to_smooth(HexMesh mesh, const Ground& ground, const Surface& whole
 HexMesh arrive_at_features(HexMesh mesh, const Ground& ground, Context& context) {
   OptimiseRequest request;
   request.ground = &ground;
+  request.open_skin = OpenSkin::Slides;
   OptimiseOptions options = feature_options();
   options.sweeps = options.arrival_sweeps = 0;
   options.arrival = Arrival::AtOnce;
@@ -110,6 +112,7 @@ HexMesh arrive_at_features(HexMesh mesh, const Ground& ground, Context& context)
 HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context) {
   OptimiseRequest request;
   request.ground = &ground;
+  request.open_skin = OpenSkin::Slides;
   mesh = relax(std::move(mesh), ground, context);
   return polish(std::move(mesh), request, kPolishGoal, kPolishRounds, context, Regard::AnglesAndShape).mesh;
 }

@@ -5,6 +5,7 @@
 
 #include "core/base/parallel.h"
 #include "core/fit/matching.h"
+#include "core/fit/openings.h"
 
 namespace strata {
 namespace {
@@ -73,6 +74,14 @@ IdMap<ChartId, ChartId> shells(const Surface& surface, const Features& features)
   }
   for (ChartId c : parent.ids()) parent[c] = root(c);
   return parent;
+}
+
+// 1 for charts that the surface ends at.
+IdMap<ChartId, std::uint8_t> open_charts(const Surface& surface, const Features& features) {
+  IdMap<ChartId, std::uint8_t> open(features.chart_count(), std::uint8_t{0});
+  for (TriangleId t : triangles_at_openings(surface))
+    if (features.chart[t].valid()) open[features.chart[t]] = 1;
+  return open;
 }
 
 struct Nearest {
@@ -169,6 +178,7 @@ IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh) {
   const Nearest nearest = nearest_charts(m, mesh, into);
   const IdMap<QuadId, std::int32_t> region = flood(m);
   const IdMap<ChartId, ChartId> shell = shells(m.ground.surface(), features);
+  const IdMap<ChartId, std::uint8_t> open = open_charts(m.ground.surface(), features);
 
   struct Vote {
     std::int32_t region;
@@ -189,8 +199,8 @@ IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh) {
   IdMap<QuadId, std::uint8_t> mixed(mesh.quads.size(), std::uint8_t{0});
   IdMap<ChartId, double> share(features.chart_count(), 0.0);  // of each chart, in the region at hand
   for (std::size_t i = 0; i < votes.size();) {
-    // The group with the largest area has the region; of its charts those that are at home in it show, and those of other shells: where
-    // shells cross there is no curve that could part them.
+    // The group with the largest area has the region; of its charts those that are at home in it show. So do others that came in where there
+    // is no curve that could part them: where shells cross, and over an opening.
     std::size_t stop = i;
     double best_area = -1;
     ChartId largest, best_group;
@@ -218,7 +228,7 @@ IdMap<ChartId, ChartId> label_quads(const Matching& m, HexMesh& mesh) {
     }
     bool one_chart = true;
     const auto at_home = [&](const Vote& vote) {
-      const bool may_show = vote.group == best_group || shell[vote.chart] != shell[largest];
+      const bool may_show = vote.group == best_group || shell[vote.chart] != shell[largest] || (open[vote.chart] && open[largest]);
       return may_show && share[vote.chart] > kAtHome * whole[vote.chart];
     };
     for (std::size_t j = i; j < stop; ++j) {

@@ -186,6 +186,7 @@ std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near,
   OptimiseRequest request;
   request.ground = &ground;
   request.seeds = &near;
+  if (freedom == Freedom::Slide) request.open_skin = OpenSkin::Slides;
   OptimiseOptions options;
   options.sweeps = kSweeps;
   options.rings = kRings;
@@ -226,6 +227,7 @@ void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Contex
   if (features == 0 && freed == 0) return;
   OptimiseRequest request;
   request.ground = &ground;
+  request.open_skin = OpenSkin::Slides;
   better = polish(std::move(better), request, kGoal, kLastRounds, context, Regard::AnglesAndShape).mesh;
   if (!bad_hexes(better).empty() || (freed > 0 && poorest_hexes(better).size() >= poor.size())) return;
   mesh = std::move(better);

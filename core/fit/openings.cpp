@@ -104,6 +104,13 @@ IdMap<VertexId, SkinVertex> skin_vertices(const HexMesh& mesh) {
 
 }  // namespace
 
+std::vector<TriangleId> triangles_at_openings(const Surface& surface) {
+  std::vector<TriangleId> result;
+  if (surface.closed) return result;
+  for (const OpenEdge& edge : open_edges(surface)) result.push_back(edge.triangle);
+  return result;
+}
+
 IdMap<VertexId, std::uint8_t> vertices_over_openings(const HexMesh& mesh, const Ground& ground, const Surface& whole) {
   IdMap<VertexId, std::uint8_t> result(mesh.position.size(), 0);
   if (whole.closed) return result;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/mesh/hex_mesh.h"
 #include "core/optimise/ground.h"
@@ -12,5 +13,8 @@ namespace strata {
 // local edge, or there is no surface across the skin. The ground's surface is `whole` or a part of it. Sized like the vertices; all 0 where
 // `whole` is closed. Deterministic.
 IdMap<VertexId, std::uint8_t> vertices_over_openings(const HexMesh& mesh, const Ground& ground, const Surface& whole);
+
+// Triangles with an edge that no other triangle has, ascending by their edges' points; one may come more than once.
+std::vector<TriangleId> triangles_at_openings(const Surface& surface);
 
 }  // namespace strata

@@ -148,7 +148,7 @@ bool acceptable(const Star& star, const Vec3& d, const DescentOptions& options) 
 
 bool visit(Workspace& work, VertexId v, const Star& star, const DescentOptions& options, bool project) {
   if (work.attachment(v).hold == Hold::Free) {
-    const Vec3 d = descend(star, Freedom{}, Vec3::Zero(), options);
+    const Vec3 d = descend(star, work.freedom_of_free(v), Vec3::Zero(), options);
     if (d == Vec3::Zero()) return false;
     work.move(v, star, d);
     return d.norm() > kStill * star.size();

@@ -6,12 +6,6 @@
 
 namespace strata {
 
-// Directions a vertex may take: as columns of a basis, `dimensions` of them.
-struct Freedom {
-  Mat3 basis = Mat3::Identity();
-  int dimensions = 3;
-};
-Freedom freedom_of(Hold hold, const Vec3& direction);
 // The Newton step -H^-1 g within the freedom. H must be positive definite.
 Vec3 newton_step(const Freedom& freedom, const Vec3& gradient, const Mat3& hessian);
 

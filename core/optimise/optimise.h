@@ -34,11 +34,18 @@ struct OptimiseOptions {
   double min_scaled_jacobian = 0.02;  // a projection step may not push a hex that is above this below it
 };
 
+// What becomes of vertices of the skin that nothing holds, over openings of the surface.
+enum class OpenSkin {
+  Moves,   // as the hexes want: it finds its place
+  Slides,  // along itself, which keeps the volume: hexes that grow have to grow inwards
+};
+
 struct OptimiseRequest {
   const Ground* ground = nullptr;  // null: held vertices do not move at all
   const IdMap<VertexId, std::uint8_t>* movable = nullptr;  // null: all but Corner and Fixed; else 1: may move
   const IdMap<VertexId, std::uint8_t>* seeds = nullptr;  // null: everything
   const IdMap<HexId, HexTarget>* targets = nullptr;  // null: cubes
+  OpenSkin open_skin = OpenSkin::Moves;
 };
 
 struct OptimiseResult {

@@ -38,7 +38,7 @@ bool lift(Workspace& work, VertexId v, const Star& star, const Star::AngleEnergy
   const Attachment attachment = work.attachment(v);
   const bool free = attachment.hold == Hold::Free;
   if (!free && !work.foot(v).on_ground) return false;
-  const Freedom freedom = freedom_of(attachment.hold, free ? Vec3(Vec3::Zero()) : work.foot(v).direction);
+  const Freedom freedom = free ? work.freedom_of_free(v) : freedom_of(attachment.hold, work.foot(v).direction);
   if (freedom.dimensions == 0) return false;
   const double worst = star.scaled_jacobian(Vec3::Zero());
   const double floor = std::min(worst, goal);

@@ -20,6 +20,11 @@ Workspace::Workspace(HexMesh& mesh, const OptimiseRequest& request, int rings, b
       local_[static_cast<std::size_t>(s)] = l;
     }
   });
+  const auto is_open = [&](const QuadVertices& q) {
+    return std::any_of(q.begin(), q.end(), [&](VertexId v) { return mesh.attachment[v].hold == Hold::Free; });
+  };
+  if (request.open_skin == OpenSkin::Slides && std::any_of(mesh.quads.begin(), mesh.quads.end(), is_open))
+    skin_ = quads_round_vertices(mesh);
   choose(rings, project);
   grains_ = make_grains(mesh_, movable_);
   active_ = movable_;
@@ -131,6 +136,17 @@ void Workspace::gather(VertexId v, Star& star) const {
     star.add_hex(p, {along(0), along(1), along(2)}, strict_ && bad_[h] == 0);
   }
   star.complete();
+}
+
+// A move across the vector area of the quads round the vertex changes no volume.
+Freedom Workspace::freedom_of_free(VertexId v) const {
+  if (skin_.offset.empty() || skin_.of(v).empty()) return {};
+  Vec3 area = Vec3::Zero();
+  for (const QuadId q : skin_.of(v)) {
+    const QuadVertices& c = mesh_.quads[q];
+    area += (mesh_.position[c[2]] - mesh_.position[c[0]]).cross(mesh_.position[c[3]] - mesh_.position[c[1]]);
+  }
+  return freedom_of(Hold::Chart, area.normalized());
 }
 
 void Workspace::move(VertexId v, const Star& star, const Vec3& d) {

@@ -6,6 +6,7 @@
 
 #include "core/mesh/adjacency.h"
 #include "core/mesh/hex_mesh.h"
+#include "core/optimise/freedom.h"
 #include "core/optimise/grains.h"
 #include "core/optimise/optimise.h"
 #include "core/optimise/star.h"
@@ -62,6 +63,8 @@ class Workspace {
   [[nodiscard]] const Vec3& position(VertexId v) const { return mesh_.position[v]; }
   [[nodiscard]] Foot& foot(VertexId v) { return feet_[static_cast<std::size_t>(foot_of_[v])]; }
   [[nodiscard]] const HexMesh& mesh() const { return mesh_; }
+  // Where a vertex may go that nothing holds: anywhere, or along an open skin that slides.
+  [[nodiscard]] Freedom freedom_of_free(VertexId v) const;
 
  private:
   void choose(int rings, bool project);
@@ -73,6 +76,7 @@ class Workspace {
   HexMesh& mesh_;
   const OptimiseRequest& request_;
   VertexStars<HexId> star_;
+  VertexStars<QuadId> skin_;  // empty unless there is an open skin that slides
   std::vector<std::uint8_t> local_;  // beside star_.elements: which corner of the hex the vertex is
   IdMap<HexId, std::array<float, 3>> inverse_target_;  // scaled so that determinants of good hexes are about 1
   IdMap<HexId, std::uint8_t> bad_;  // bit per corner

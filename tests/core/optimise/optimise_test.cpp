@@ -224,6 +224,60 @@ TEST(Polish, RaisesTheWorstAndNeverLowersIt) {
   EXPECT_GT(last, before.min_scaled_jacobian);
 }
 
+// 2 x 2 x 2 hexes with one free vertex in their middle, `edge` above a neighbour that is raised to `floor`.
+HexMesh with_short_edge(double floor, double edge) {
+  HexMesh mesh = grid(2, 2, 2);
+  hold_boundary(mesh, Hold::Fixed);
+  for (Vec3& p : mesh.position)
+    if (p == Vec3(1, 1, 0)) p.z() = floor;
+    else if (p == Vec3(1, 1, 1)) p.z() = floor + edge;
+  return mesh;
+}
+
+double height(const HexMesh& mesh) {
+  for (const VertexId v : mesh.position.ids())
+    if (mesh.attachment[v].hold == Hold::Free) return mesh.position[v].z();
+  return 0;
+}
+
+TEST(Polish, OpensFlatHexesWhereShapeCounts) {
+  constexpr double kFloor = 0.8, kEdge = 0.2;  // angles are as good as they can be
+  const auto edge_after = [&](Regard regard) {
+    Context context;
+    return height(polish(with_short_edge(kFloor, kEdge), {}, 0.95, 4, context, regard).mesh) - kFloor;
+  };
+  EXPECT_NEAR(edge_after(Regard::Angles), kEdge, 0.05);
+  EXPECT_GT(edge_after(Regard::AnglesAndShape), 2 * kEdge);
+}
+
+// A box whose lid nothing holds, with a sheet of no thickness along the lid.
+HexMesh with_flat_sheet_under_open_lid() {
+  HexMesh mesh = grid(6, 6, 3);
+  hold_boundary(mesh, Hold::Fixed);
+  for (const VertexId v : mesh.position.ids()) {
+    const Vec3& p = mesh.position[v];
+    if (p.z() > 2.5 && p.x() > 0.5 && p.x() < 5.5 && p.y() > 0.5 && p.y() < 5.5) mesh.attachment[v] = {};
+  }
+  const IdMap<VertexId, Vec3> at = mesh.position;
+  const IdMap<QuadId, QuadVertices> quads = mesh.quads;
+  return with_sheet(std::move(mesh),
+                    [&](QuadId q) { return std::all_of(quads[q].begin(), quads[q].end(), [&](VertexId v) { return at[v].z() > 2.5; }); });
+}
+
+TEST(Optimise, AnOpenSkinThatSlidesKeepsItsVolume) {
+  const auto volume_after = [](OpenSkin open_skin) {
+    Context context;
+    OptimiseRequest request;
+    request.open_skin = open_skin;
+    OptimiseResult result = optimise(with_flat_sheet_under_open_lid(), request, {}, context);
+    EXPECT_EQ(result.inverted, 0);
+    result = polish(std::move(result.mesh), request, 0.95, 4, context, Regard::AnglesAndShape);
+    return testing::hex_volume(result.mesh);
+  };
+  EXPECT_GT(volume_after(OpenSkin::Moves), 6 * 6 * 3 + 2);
+  EXPECT_NEAR(volume_after(OpenSkin::Slides), 6 * 6 * 3, 0.2);
+}
+
 TEST(Optimise, StopsWhenCancelled) {
   HexMesh mesh = grid(4, 4, 4);
   const std::atomic<bool> cancel{true};
