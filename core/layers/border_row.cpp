@@ -27,19 +27,20 @@ std::int64_t not_positive(const HexMesh& mesh) {
   return count;
 }
 
-SheetRequest round_fronts(const HexMesh& mesh, const Facets& facets, const std::vector<FrontIndex>& fronts) {
+// Round the hexes that see the facets for which `sits_on` holds.
+template <class SitsOn>
+SheetRequest round_hexes(const HexMesh& mesh, const Facets& facets, const SitsOn& sits_on) {
   SheetRequest request;
   request.strip = StripTakes::Inner;
   request.inner.assign(mesh.hexes.size(), 0);
   for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f)
-    if (facets.exists(f) && std::binary_search(fronts.begin(), fronts.end(), facets.front(f))) request.inner[facets.hex_face(f).hex] = 1;
+    if (facets.exists(f) && sits_on(f)) request.inner[facets.hex_face(f).hex] = 1;
   request.faces = faces_between(mesh, request.inner);
   // A hex with a second quad, beyond the border: the sheet passes between it and that quad.
   for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
     if (!facets.exists(f) || facets.on_interface(f)) continue;
     const FaceNeighbour at = facets.hex_face(f);
-    if (request.inner[at.hex] && !std::binary_search(fronts.begin(), fronts.end(), facets.front(f)))
-      request.faces.push_back({at.hex, at.face});
+    if (request.inner[at.hex] && !sits_on(f)) request.faces.push_back({at.hex, at.face});
   }
   return request;
 }
@@ -86,10 +87,7 @@ IdMap<VertexId, Vec3> pulls(const HexMesh& mesh, const Sheet& sheet, HexId first
   return pull;
 }
 
-}  // namespace
-
-std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<FrontIndex>& fronts, const Ground& ground, Context& context) {
-  const SheetRequest request = round_fronts(mesh, Facets(mesh), fronts);
+std::optional<HexMesh> wrapped_in(const HexMesh& mesh, const SheetRequest& request, const Ground& ground, Context& context) {
   if (request.faces.empty() || !pinched_vertices(mesh, request).empty()) return std::nullopt;
   const std::int64_t allowed = not_positive(mesh);
   SheetInsertion inserted = insert_sheet(mesh, request);
@@ -114,6 +112,22 @@ std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<Fro
   HexMesh result = optimise(std::move(wrapped), optimise_request, options, context).mesh;
   if (not_positive(result) > allowed) return std::nullopt;
   return result;
+}
+
+}  // namespace
+
+std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<FrontIndex>& fronts, const Ground& ground, Context& context) {
+  const Facets facets(mesh);
+  const auto on_fronts = [&](FacetIndex f) { return std::binary_search(fronts.begin(), fronts.end(), facets.front(f)); };
+  return wrapped_in(mesh, round_hexes(mesh, facets, on_fronts), ground, context);
+}
+
+std::optional<HexMesh> add_row_round(const HexMesh& mesh, const std::vector<QuadId>& quads, const Ground& ground, Context& context) {
+  const Facets facets(mesh);
+  const auto on_interface = [&](QuadId q) { return facets.on_interface(facet_of(q, FacetSide::Back)); };
+  if (std::any_of(quads.begin(), quads.end(), on_interface)) return std::nullopt;
+  const auto on_quads = [&](FacetIndex f) { return std::binary_search(quads.begin(), quads.end(), quad_of(f)); };
+  return wrapped_in(mesh, round_hexes(mesh, facets, on_quads), ground, context);
 }
 
 }  // namespace strata

@@ -17,4 +17,8 @@ class Context;
 // fronts. Nothing: the sheet would pinch or leave a hex that is not positive.
 std::optional<HexMesh> add_border_row(const HexMesh& mesh, const std::vector<FrontIndex>& fronts, const Ground& ground, Context& context);
 
+// Wraps the hexes that sit on the given quads (ascending) in a sheet whose strips are quads like them: every vertex of the border of what
+// was given has exactly two strip quads. Nothing: as above, or one of the quads is on an interface.
+std::optional<HexMesh> add_row_round(const HexMesh& mesh, const std::vector<QuadId>& quads, const Ground& ground, Context& context);
+
 }  // namespace strata

@@ -39,8 +39,9 @@ double angle_between(const Vec3& axis, const Vec3& u, const Vec3& v) {
 
 }  // namespace
 
-Facets::Facets(const HexMesh& mesh)
+Facets::Facets(const HexMesh& mesh, const std::vector<QuadId>& bare)
     : mesh_(&mesh),
+      bare_(bare),
       sides_(quad_sides(mesh)),
       neighbours_(face_neighbours(mesh)),
       facet_at_(mesh.hexes.size(), {kNoFacet, kNoFacet, kNoFacet, kNoFacet, kNoFacet, kNoFacet}) {

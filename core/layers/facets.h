@@ -1,6 +1,7 @@
 // The wall as the layers see it: facets (a quad seen from one of its hexes), who is next to whom, and at what angle.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -34,13 +35,17 @@ struct FacetNeighbour {
 
 class Facets {
  public:
-  explicit Facets(const HexMesh& mesh);
+  // Quads in `bare` (ascending) belong to no front.
+  explicit Facets(const HexMesh& mesh, const std::vector<QuadId>& bare = {});
 
   [[nodiscard]] std::size_t slots() const { return sides_.size() * 2; }   // facet indices are below; some are empty
   [[nodiscard]] bool exists(FacetIndex facet) const { return hex_face(facet).hex.valid(); }
   [[nodiscard]] FaceNeighbour hex_face(FacetIndex facet) const;           // the hex that sees the quad, and its face
   [[nodiscard]] bool on_interface(FacetIndex facet) const { return sides_[quad_of(facet)].front.valid(); }
-  [[nodiscard]] FrontIndex front(FacetIndex facet) const { return front_of(mesh_->chart[quad_of(facet)], side_of(facet)); }
+  [[nodiscard]] bool is_bare(FacetIndex facet) const { return std::binary_search(bare_.begin(), bare_.end(), quad_of(facet)); }
+  [[nodiscard]] FrontIndex front(FacetIndex facet) const {
+    return is_bare(facet) ? kNoFront : front_of(mesh_->chart[quad_of(facet)], side_of(facet));
+  }
   // Counter-clockwise seen from outside the hex.
   [[nodiscard]] QuadVertices vertices(FacetIndex facet) const;
   // Across the edge from vertices(facet)[edge] to the next.
@@ -48,6 +53,7 @@ class Facets {
 
  private:
   const HexMesh* mesh_;
+  std::vector<QuadId> bare_;
   IdMap<QuadId, QuadSides> sides_;
   FaceNeighbours neighbours_;
   IdMap<HexId, std::array<FacetIndex, 6>> facet_at_;

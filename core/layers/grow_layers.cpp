@@ -10,6 +10,7 @@
 #include "core/layers/facets.h"
 #include "core/layers/grower.h"
 #include "core/layers/heal.h"
+#include "core/layers/holes.h"
 #include "core/layers/plan.h"
 #include "core/layers/report.h"
 
@@ -17,6 +18,8 @@ namespace strata {
 namespace {
 
 constexpr int kMostAttempts = 4;
+constexpr int kMostHoleRounds = 4;
+constexpr std::size_t kMostBadPlaces = 1000;   // hexes: more are no matter of places
 constexpr int kLeastRings = 6;           // of vertices round the sheets that give way
 constexpr int kMostRings = 40;
 constexpr double kRingsPerSize = 3;      // more for each local size of thickness
@@ -76,12 +79,19 @@ Reachable reach_of(const HexMesh& mesh, const std::vector<LayerSpec>& entries, c
   return result;
 }
 
+Vec3 centre_of(const HexMesh& mesh, HexId h) {
+  Vec3 sum = Vec3::Zero();
+  for (VertexId v : mesh.hexes[h]) sum += 0.125 * mesh.position[v];
+  return sum;
+}
+
 struct Attempt {
   HexMesh mesh;
   LayerPlan plan;
   IdMap<VertexId, double> fraction;
   std::vector<FrontIndex> failed;   // empty: the mesh is valid
   std::vector<std::pair<FrontIndex, FrontIndex>> crossed_badly;
+  std::vector<Vec3> bad_places;     // middles of hexes that are not valid
 };
 
 // The fronts nearest to the hexes: those of hexes' own vertices.
@@ -114,7 +124,7 @@ std::vector<FrontIndex> fronts_near(const HexMesh& mesh, const LayerPlan& plan, 
 Attempt attempt(HexMesh mesh, const LayerRequest& request, const PlanLessons& lessons, std::size_t allowed, Context& context) {
   const Ground& ground = request.ground;
   const auto plan = [&] {
-    return plan_layers(mesh, Facets(mesh), request.entries, request.wishes, ground.surface(), ground.features(), lessons);
+    return plan_layers(mesh, Facets(mesh, lessons.bare), request.entries, request.wishes, ground.surface(), ground.features(), lessons);
   };
   LayerPlan planned = plan();
   bool rows_added = false;
@@ -149,12 +159,39 @@ Attempt attempt(HexMesh mesh, const LayerRequest& request, const PlanLessons& le
   result.fraction = std::move(grower.fraction);
   if (const std::vector<HexId> bad = not_positive(result.mesh); bad.size() > allowed) {
     result.crossed_badly = std::move(grower.crossed_badly);
+    for (HexId h : bad) result.bad_places.push_back(centre_of(result.mesh, h));
     result.failed = fronts_near(result.mesh, result.plan, bad);
     if (result.failed.empty())
       for (const LayerGroup& group : result.plan.groups)
         result.failed.insert(result.failed.end(), group.fronts.begin(), group.fronts.end());
   }
   return result;
+}
+
+// 1: the quad carries layers after the lessons.
+IdMap<QuadId, std::uint8_t> wall_quads(const HexMesh& mesh, const IdMap<PatchId, PatchWish>& wishes, const PlanLessons& lessons) {
+  IdMap<QuadId, std::uint8_t> wall(mesh.quads.size(), 0);
+  for (QuadId q : wall.ids()) {
+    if (!mesh.patch[q].valid() || !mesh.chart[q].valid() || wishes[mesh.patch[q]].entry < 0) continue;
+    const auto stays_bare = [&](FacetSide side) { return lessons.excluded[static_cast<std::size_t>(front_of(mesh.chart[q], side))] != 0; };
+    wall[q] = !(stays_bare(FacetSide::Back) && stays_bare(FacetSide::Front));
+  }
+  return wall;
+}
+
+// Where few hexes are bad, the wall under them is left out: the lessons name the quads, and the mesh gets rows for wedges round them.
+// False: nothing changed.
+bool leave_out(const HexMesh& whole, const std::vector<Vec3>& places, const LayerRequest& request, PlanLessons& lessons, HexMesh& mesh,
+               Context& context) {
+  if (places.empty() || places.size() > kMostBadPlaces) return false;
+  const IdMap<QuadId, std::uint8_t> wall = wall_quads(whole, request.wishes, lessons);
+  std::optional<std::vector<QuadId>> holes = widened_holes(whole, wall, lessons.bare, places);
+  if (!holes) return false;
+  std::optional<WithHoles> with = with_rows_round(whole, wall, std::move(*holes), request.ground, context);
+  if (!with) return false;
+  mesh = std::move(with->mesh);
+  lessons.bare = std::move(with->holes);
+  return true;
 }
 
 }  // namespace
@@ -175,14 +212,24 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
   PlanLessons lessons;
   lessons.excluded.assign(ground.features().chart_count() * 2, 0);
   Attempt tried;
+  HexMesh start = band.mesh;
+  int hole_rounds = 0;
   for (int round = 0;; ++round) {
-    if (round == kMostAttempts) lessons.excluded.assign(lessons.excluded.size(), 1);
-    tried = attempt(band.mesh, request, lessons, allowed, context);
+    if (round == kMostAttempts) {
+      lessons.excluded.assign(lessons.excluded.size(), 1);
+      lessons.bare.clear();
+      start = band.mesh;
+    }
+    tried = attempt(start, request, lessons, allowed, context);
     if (tried.failed.empty() || round == kMostAttempts) break;
     // Groups that cannot cross are joined; only what fails by itself is left bare.
     lessons.joined.insert(lessons.joined.end(), tried.crossed_badly.begin(), tried.crossed_badly.end());
     result.rung = std::max(result.rung, tried.crossed_badly.empty() ? LayersRung::Dropped : LayersRung::Regrouped);
     if (!tried.crossed_badly.empty()) continue;
+    if (hole_rounds < kMostHoleRounds && leave_out(band.mesh, tried.bad_places, request, lessons, start, context)) {
+      ++hole_rounds, --round;
+      continue;
+    }
     for (FrontIndex f : tried.failed) lessons.excluded[static_cast<std::size_t>(f)] = 1;
   }
   for (Diagnostic& d : tried.plan.changed) context.adjusted(std::move(d));
@@ -197,7 +244,7 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
   result.patches = report_patches(result.mesh, {&tried.plan, std::move(fraction)}, wishes);
   for (const PatchLayers& p : result.patches)
     if (result.rung == LayersRung::Full && p.thickness_fraction_mean < kThinnedBelow) result.rung = LayersRung::Thinned;
-  tell_adjustments(result.mesh, result.patches, lessons.excluded, surface, context);
+  tell_adjustments(result.mesh, result.patches, tried.plan, lessons.excluded, surface, context);
   return result;
 }
 

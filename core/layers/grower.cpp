@@ -59,6 +59,7 @@ Grower::Grower(HexMesh start, LayerPlan planned, const LayerRequest& request, Co
       slope_(std::clamp(kThicknessSlope * request.thickest / kThick, kThicknessSlope, kMostSlope)) {
   for (std::size_t g = 0; g < plan.groups.size(); ++g)
     for (QuadId q : plan.groups[g].beyond) widened_[q.index()] = static_cast<std::int32_t>(g);
+  for (QuadId q : plan.bare) widened_[q.index()] = kLeftBare;
 }
 
 const LayerSpec& Grower::entry_of(FrontIndex front) const {
@@ -82,7 +83,7 @@ bool Grower::widen(const std::vector<VertexId>& pinches, std::int32_t group) {
       const auto owner = [&](FacetSide side) {
         return mesh.chart[q].valid() ? plan.group_of_front[static_cast<std::size_t>(front_of(mesh.chart[q], side))] : -1;
       };
-      if (widened_[q.index()] >= 0 || owner(FacetSide::Back) >= 0 || owner(FacetSide::Front) >= 0) continue;
+      if (widened_[q.index()] != -1 || owner(FacetSide::Back) >= 0 || owner(FacetSide::Front) >= 0) continue;
       widened_[q.index()] = group;
       changed = true;
     }

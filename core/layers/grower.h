@@ -77,7 +77,7 @@ class Grower {
 
   const LayerRequest& request_;
   Context& context_;
-  std::vector<std::int32_t> widened_;  // group a bare quad was given to, by quad; -1
+  std::vector<std::int32_t> widened_;  // group a bare quad was given to, by quad; -1; kLeftBare
   std::vector<GroupSheet> sheets_;
   bool thick_;                         // layers far thicker than the walls' quads are wide
   double slope_;                       // largest change of thickness per unit length along the wall

@@ -327,6 +327,12 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
       loop.crossing = true;
       continue;
     }
+    if (facets.is_bare(b.other)) {
+      loop.wedge_wanted = true;
+      loop.from = from, loop.to = to;
+      if (edges_of_facet[b.facet] != 1) loop.wedge_possible = false;
+      continue;
+    }
     double angle = b.angle;
     if (to != kNoFront)
       if (const auto at = pairs.find({std::min(from, to), std::max(from, to)}); at != pairs.end()) angle = at->second.angle;
@@ -454,6 +460,7 @@ LayerPlan plan_layers(const HexMesh& mesh, const Facets& facets, const std::vect
   planner.form_groups();
   planner.choose_wedges();
   planner.order_groups();
+  planner.plan.bare = lessons.bare;
   return std::move(planner.plan);
 }
 

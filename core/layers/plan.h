@@ -43,6 +43,7 @@ struct LayerGroup {
 struct LayerPlan {
   std::vector<std::int32_t> group_of_front;    // by FrontIndex; -1: no layers
   std::vector<LayerGroup> groups;              // in order of insertion
+  std::vector<QuadId> bare;                    // quads of fronts with layers that are left out, ascending: the layers run out round them
   std::vector<Diagnostic> changed;             // EndingChanged, LayersFewer
   // Fronts of groups that were to end in wedges where the quads do not allow it: a fresh row (border_row.h) would.
   std::vector<std::vector<FrontIndex>> want_row;
@@ -51,6 +52,7 @@ struct LayerPlan {
 // What earlier attempts taught.
 struct PlanLessons {
   std::vector<std::uint8_t> excluded;                        // by FrontIndex, may be empty: fronts that must stay bare
+  std::vector<QuadId> bare;                                  // of the band as it was cut: quads that must stay bare, ascending
   std::vector<std::pair<FrontIndex, FrontIndex>> joined;     // fronts that must be in one group: their crossing could not be made valid
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "core/base/context.h"
 #include "core/layers/facets.h"
@@ -33,7 +34,13 @@ double share_of_thickness(ResolvedLayers law, int count) {
   return law.total() / wished;
 }
 
-std::string percent(double x) { return std::to_string(static_cast<int>(std::lround(100 * x))) + " %"; }
+// Small shares with the digits that tell them from nothing.
+std::string percent(double x) {
+  if (x <= 0 || x >= 0.01) return std::to_string(static_cast<int>(std::lround(100 * x))) + " %";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2g %%", 100 * x);
+  return text;
+}
 
 }  // namespace
 
@@ -93,8 +100,9 @@ std::vector<PatchLayers> report_patches(const HexMesh& mesh, const GrownWall& wa
   return result;
 }
 
-void tell_adjustments(const HexMesh& mesh, const std::vector<PatchLayers>& patches, const std::vector<std::uint8_t>& dropped,
-                      const Surface& surface, Context& context) {
+void tell_adjustments(const HexMesh& mesh, const std::vector<PatchLayers>& patches, const LayerPlan& plan,
+                      const std::vector<std::uint8_t>& dropped, const Surface& surface, Context& context) {
+  const IdMap<QuadId, QuadSides> sides = quad_sides(mesh);
   struct Place {
     Box box;
     double area = 0;
@@ -110,7 +118,10 @@ void tell_adjustments(const HexMesh& mesh, const std::vector<PatchLayers>& patch
     add(whole[mesh.patch[q]]);
     const auto given_up = [&](FacetSide side) {
       const auto front = static_cast<std::size_t>(front_of(mesh.chart[q], side));
-      return front < dropped.size() && dropped[front] != 0;
+      if (front < dropped.size() && dropped[front] != 0) return true;
+      // A front with layers, but none here: the place was left out.
+      const HexId hex = side == FacetSide::Back ? sides[q].back : sides[q].front;
+      return hex.valid() && plan.group_of_front[front] >= 0 && mesh.layer[hex] == 0;
     };
     if (given_up(FacetSide::Back) || given_up(FacetSide::Front)) add(gone[mesh.patch[q]]);
   }

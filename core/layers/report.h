@@ -16,8 +16,9 @@ struct GrownWall {
 
 std::vector<PatchLayers> report_patches(const HexMesh& mesh, const GrownWall& wall, const IdMap<PatchId, PatchWish>& wishes);
 
-// LayersThinned for patches well under their wish, LayersDropped for fronts (by FrontIndex) given up. Places in input units.
-void tell_adjustments(const HexMesh& mesh, const std::vector<PatchLayers>& patches, const std::vector<std::uint8_t>& dropped,
-                      const Surface& surface, Context& context);
+// LayersThinned for patches well under their wish, LayersDropped for fronts (by FrontIndex) given up and places left out. Places in input
+// units.
+void tell_adjustments(const HexMesh& mesh, const std::vector<PatchLayers>& patches, const LayerPlan& plan,
+                      const std::vector<std::uint8_t>& dropped, const Surface& surface, Context& context);
 
 }  // namespace strata

@@ -36,7 +36,7 @@ std::vector<FacetIndex> wall_of_group(const HexMesh& mesh, const LayerPlan& plan
   std::vector<FacetIndex> wall;
   for (QuadId q : mesh.quads.ids()) {
     if (q.index() < widened.size() && widened[q.index()] == group) wall.push_back(facet_of(q, FacetSide::Back));
-    if (!mesh.chart[q].valid()) continue;
+    if (!mesh.chart[q].valid() || (q.index() < widened.size() && widened[q.index()] == kLeftBare)) continue;
     for (FacetSide side : {FacetSide::Back, FacetSide::Front})
       if (plan.group_of_front[static_cast<std::size_t>(front_of(mesh.chart[q], side))] == group) wall.push_back(facet_of(q, side));
   }

@@ -13,7 +13,9 @@
 
 namespace strata {
 
-// Facets of the group as the mesh is now, ascending; `widened` (by quad, may be shorter) adds bare quads to a group.
+// Facets of the group as the mesh is now, ascending; `widened` (by quad, may be shorter) adds bare quads to a group, or takes kLeftBare out
+// of all.
+inline constexpr std::int32_t kLeftBare = -2;
 std::vector<FacetIndex> wall_of_group(const HexMesh& mesh, const LayerPlan& plan, std::int32_t group,
                                       const std::vector<std::int32_t>& widened);
 
@@ -26,12 +28,12 @@ Vec3 most_visible(const std::vector<Vec3>& normals);
 // At each column's foot.
 struct Foot {
   Vec3 direction = Vec3::Zero();  // unit; along the surface where the column's top is held there
-  Vec3 normal = Vec3::Zero();     // mean of the unit normals round it, not unit itself: a column's height is its part along this
-  double own_sense = -1;          // whether the direction goes with (1) or against (-1) the normal of the surface under it
-  double stretch = 1;             // column length over height normal to the wall
-  double size = 0;                // mean edge length of the wall there
-  FrontIndex front = kNoFront;    // one of the fronts it stands on
-  double first_height = 0;        // wished, working frame
+  Vec3 normal = Vec3::Zero();  // mean of the unit normals round it, not unit itself: a column's height is its part along this
+  double own_sense = -1;  // whether the direction goes with (1) or against (-1) the normal of the surface under it
+  double stretch = 1;  // column length over height normal to the wall
+  double size = 0;  // mean edge length of the wall there
+  FrontIndex front = kNoFront;  // one of the fronts it stands on
+  double first_height = 0;  // wished, working frame
   double growth = 1;
 };
 std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns, const Ground& ground,
@@ -40,7 +42,7 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
 // Room for columns that slide along a bare wall.
 enum class Strips {
   AsLongAsWished,  // columns of a few sizes find their end as they grow
-  Measured,        // a share of the way to the far end of the wall: thick columns would drive all its quads against it
+  Measured,  // a share of the way to the far end of the wall: thick columns would drive all its quads against it
 };
 // For each foot the thickness (normal to the wall) that there is room for: a share of the gap in front of the wall, as far as the laws ask.
 std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws,
