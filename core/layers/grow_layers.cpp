@@ -179,6 +179,26 @@ IdMap<QuadId, std::uint8_t> wall_quads(const HexMesh& mesh, const IdMap<PatchId,
   return wall;
 }
 
+// Layers cannot run out where groups cross: those that meet at a hole become one.
+void join_at_holes(const HexMesh& mesh, const LayerPlan& plan, PlanLessons& lessons) {
+  const auto front_with_layers = [&](QuadId q) {
+    for (FacetSide side : {FacetSide::Back, FacetSide::Front})
+      if (const FrontIndex f = front_of(mesh.chart[q], side); f != kNoFront && plan.group_of_front[static_cast<std::size_t>(f)] >= 0)
+        return f;
+    return kNoFront;
+  };
+  const VertexStars<QuadId> stars = quads_round_vertices(mesh);
+  for (QuadId q : lessons.bare)
+    for (VertexId v : mesh.quads[q])
+      for (QuadId beside : stars.of(v)) {
+        const FrontIndex a = front_with_layers(q), b = front_with_layers(beside);
+        if (a == kNoFront || b == kNoFront) continue;
+        if (plan.group_of_front[static_cast<std::size_t>(a)] == plan.group_of_front[static_cast<std::size_t>(b)]) continue;
+        const std::pair<FrontIndex, FrontIndex> pair = std::minmax(a, b);
+        if (std::find(lessons.joined.begin(), lessons.joined.end(), pair) == lessons.joined.end()) lessons.joined.push_back(pair);
+      }
+}
+
 // Where few hexes are bad, the wall under them is left out: the lessons name the quads, and the mesh gets rows for wedges round them.
 // False: nothing changed.
 bool leave_out(const HexMesh& whole, const std::vector<Vec3>& places, const LayerRequest& request, PlanLessons& lessons, HexMesh& mesh,
@@ -227,6 +247,7 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
     result.rung = std::max(result.rung, tried.crossed_badly.empty() ? LayersRung::Dropped : LayersRung::Regrouped);
     if (!tried.crossed_badly.empty()) continue;
     if (hole_rounds < kMostHoleRounds && leave_out(band.mesh, tried.bad_places, request, lessons, start, context)) {
+      join_at_holes(band.mesh, tried.plan, lessons);
       ++hole_rounds, --round;
       continue;
     }

@@ -315,7 +315,7 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
   }
 
   struct Loop {
-    bool wedge_wanted = false, imprint_wanted = false, crossing = false, wedge_possible = true, imprint_possible = true;
+    bool wedge_wanted = false, imprint_wanted = false, crossing = false, hole = false, wedge_possible = true, imprint_possible = true;
     double least_angle = 2 * std::numbers::pi;
     FrontIndex from = kNoFront, to = kNoFront;
   };
@@ -328,8 +328,8 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
       continue;
     }
     if (facets.is_bare(b.other)) {
-      loop.wedge_wanted = true;
-      loop.from = from, loop.to = to;
+      loop.wedge_wanted = loop.hole = true;
+      if (loop.from == kNoFront) loop.from = from;
       if (edges_of_facet[b.facet] != 1) loop.wedge_possible = false;
       continue;
     }
@@ -341,7 +341,7 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
     const Meeting m = meeting_with_bare(asked, angle);
     if (asked == Ending::Imprint && m == Meeting::Wedge) ending_changed(from, to, "too flat to imprint, ended in a wedge if possible");
     (m == Meeting::Wedge ? loop.wedge_wanted : loop.imprint_wanted) = true;
-    if (m == Meeting::Wedge || loop.from == kNoFront) loop.from = from, loop.to = to;
+    if (m == Meeting::Wedge || loop.to == kNoFront) loop.from = from, loop.to = to;
     if (angle > kImprintFeasible) loop.imprint_possible = false;
     if (edges_of_facet[b.facet] != 1) loop.wedge_possible = false;
   }
@@ -354,9 +354,9 @@ void Planner::wedge_loops_of(std::size_t group, const std::vector<BorderEdge>& b
   for (auto& [root, loop] : loop_of) {
     if (!loop.wedge_wanted) continue;
     if (loop.crossing || !loop.wedge_possible) {
-      if (!loop.crossing && !(loop.imprint_wanted && loop.imprint_possible)) wants_row = true;
+      if (!loop.crossing && (loop.hole || !(loop.imprint_wanted && loop.imprint_possible))) wants_row = true;
       ending_changed(loop.from, loop.to, "a wedge does not fit the quads of this border, imprinted instead");
-    } else if (loop.imprint_wanted && loop.imprint_possible) {
+    } else if (loop.imprint_wanted && loop.imprint_possible && !loop.hole) {
       ending_changed(loop.from, loop.to, "one border loop has one ending, imprinted instead of a wedge");
     } else {
       if (loop.imprint_wanted) ending_changed(loop.from, loop.to, "one border loop has one ending, ended in a wedge");

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/layers/border_row.h"
 #include "core/layers/facets.h"
 #include "core/layers/grower.h"
 #include "core/layers/report.h"
@@ -41,18 +42,21 @@ TEST(Holes, AreTheNearestQuadsAndThoseRoundThem) {
   EXPECT_EQ(more->size(), 49U);
 }
 
-class LeftOut : public ::testing::TestWithParam<const char*> {};
+struct Scene {
+  const char* name;
+  std::vector<std::string> patches;
+  Ending ending;
+  Vec3 bad;
+};
+void PrintTo(const Scene& scene, std::ostream* out) { *out << scene.name; }
+class LeftOut : public ::testing::TestWithParam<Scene> {};
 
-// In the middle of a side, and round an edge and a corner of the cube that the layers go round.
 TEST_P(LeftOut, StaysBareAndTheLayersEndRoundIt) {
-  const auto scene = cube_scene(8);
-  const std::vector<std::string> sides{"x_min", "x_max", "y_min", "y_max", "z_min", "z_max"};
-  const std::vector<LayerSpec> layers{layers_on(sides, 4, 0.005 * scene->surface.frame.scale, 1.2, Ending::Regular)};
-  const std::string where = GetParam();
-  const Vec3 bad =
-      where == "side" ? place(*scene, 0.45, 0.45, 0) : (where == "edge" ? place(*scene, 0.06, 0.45, 0) : place(*scene, 0.06, 0.06, 0));
-  const auto wall = wall_of(*scene, sides);
-  const auto holes = widened_holes(scene->mesh, wall, {}, {bad});
+  const auto& [name, patches, ending, bad] = GetParam();
+  const auto scene = cube_scene(12);
+  const std::vector<LayerSpec> layers{layers_on(patches, 4, 0.004 * scene->surface.frame.scale, 1.2, ending)};
+  const auto wall = wall_of(*scene, patches);
+  const auto holes = widened_holes(scene->mesh, wall, {}, {scene->surface.frame.to_work(bad)});
   ASSERT_TRUE(holes);
   const auto with = with_rows_round(scene->mesh, wall, *holes, scene->ground, scene->context);
   ASSERT_TRUE(with);
@@ -66,10 +70,16 @@ TEST_P(LeftOut, StaysBareAndTheLayersEndRoundIt) {
   const auto wishes = match_patches(layers, scene->surface.patch_names);
   const Locator locator(scene->surface);
   const LayerRequest request{layers, wishes, scene->ground, locator, 6, 0.3};
-  Grower grower(with->mesh,
-                plan_layers(with->mesh, Facets(with->mesh, lessons.bare), layers, wishes, scene->surface, scene->features, lessons),
-                request, scene->context);
+  HexMesh mesh = with->mesh;
+  const auto plan = [&] { return plan_layers(mesh, Facets(mesh, lessons.bare), layers, wishes, scene->surface, scene->features, lessons); };
+  for (const std::vector<FrontIndex>& fronts : plan().want_row) {
+    auto with_row = add_border_row(mesh, fronts, scene->ground, scene->context);
+    ASSERT_TRUE(with_row);
+    mesh = std::move(*with_row);
+  }
+  Grower grower(mesh, plan(), request, scene->context);
   ASSERT_EQ(grower.plan.groups.size(), 1U);
+  EXPECT_TRUE(grower.plan.want_row.empty());
   EXPECT_FALSE(grower.plan.groups.front().wedge_vertices.empty());
   ASSERT_TRUE(grower.insert(0));
   grower.collapse_wedges();
@@ -78,13 +88,22 @@ TEST_P(LeftOut, StaysBareAndTheLayersEndRoundIt) {
   EXPECT_EQ(check_topology(grower.mesh), "");
   EXPECT_EQ(check_positive(grower.mesh), "");
   // Nothing is left out but the holes.
-  const IdMap<QuadId, QuadSides> sides_of = quad_sides(grower.mesh);
+  const IdMap<QuadId, QuadSides> sides = quad_sides(grower.mesh);
   std::size_t bare = 0;
-  for (QuadId q : grower.mesh.quads.ids()) bare += grower.mesh.layer[sides_of[q].back] == 0;
+  for (QuadId q : grower.mesh.quads.ids())
+    for (const std::string& patch : patches) bare += grower.mesh.patch[q] == scene->patch(patch) && grower.mesh.layer[sides[q].back] == 0;
   EXPECT_EQ(bare, holes->size());
 }
 
-INSTANTIATE_TEST_SUITE_P(Places, LeftOut, ::testing::Values("side", "edge", "corner"));
+const std::vector<std::string> kSides{"x_min", "x_max", "y_min", "y_max", "z_min", "z_max"};
+
+INSTANTIATE_TEST_SUITE_P(Places, LeftOut,
+                         ::testing::Values(Scene{"InTheMiddle", kSides, Ending::Regular, Vec3(0.46, 0.46, 0)},
+                                           Scene{"RoundAnEdge", kSides, Ending::Regular, Vec3(0.04, 0.46, 0)},
+                                           Scene{"RoundACorner", kSides, Ending::Regular, Vec3(0.04, 0.04, 0)},
+                                           Scene{"AtABorder", {"z_min"}, Ending::Imprint, Vec3(0.04, 0.46, 0)},
+                                           Scene{"BesideABorder", {"z_min"}, Ending::Imprint, Vec3(0.12, 0.46, 0)}),
+                         [](const auto& at) { return at.param.name; });
 
 }  // namespace
 }  // namespace strata::testing
