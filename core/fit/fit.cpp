@@ -49,9 +49,10 @@ double poorest_shape(const std::array<Vec3, 8>& p) {
 }
 
 // Everything relaxes, and goes on where that was not enough.
-HexMesh relax(HexMesh mesh, const Ground& ground, Context& context) {
+HexMesh relax(HexMesh mesh, const Ground& ground, const Neighbours& neighbours, Context& context) {
   OptimiseRequest request;
   request.ground = &ground;
+  request.neighbours = &neighbours;
   request.open_skin = OpenSkin::Slides;
   mesh = optimise(std::move(mesh), request, feature_options(), context).mesh;
   const std::vector<HexId> late = hexes_where(mesh, [](const std::array<Vec3, 8>& p) { return poorest_shape(p) < kLateGoal; });
@@ -113,7 +114,9 @@ HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context)
   OptimiseRequest request;
   request.ground = &ground;
   request.open_skin = OpenSkin::Slides;
-  mesh = relax(std::move(mesh), ground, context);
+  const Neighbours neighbours(mesh);
+  request.neighbours = &neighbours;
+  mesh = relax(std::move(mesh), ground, neighbours, context);
   return polish(std::move(mesh), request, kPolishGoal, kPolishRounds, context, Regard::AnglesAndShape).mesh;
 }
 

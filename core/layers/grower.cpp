@@ -323,7 +323,9 @@ void Grower::inflate() {
     const int steps = std::clamp(static_cast<int>(std::ceil(way / kStep)), 1, kMostSteps);
     for (int i = 0; i < steps; ++i) {
       if (i > 0) remeasure();
-      advance({reach, 1.0 / (steps - i), floor, kSweeps, settle, stride});
+      // On its way the volume follows by itself: it settles where tops are held up, and everywhere when they are there or far apart.
+      const bool follows = i + 1 < steps && !thick_;
+      advance({reach, 1.0 / (steps - i), floor, kSweeps, settle, stride, follows});
     }
     // Columns that stay short draw their neighbours down, then all grow again together: what was in the way has settled by then.
     double before = std::numeric_limits<double>::infinity();

@@ -88,9 +88,10 @@ double Guard::prism_quality(const HexMesh& mesh, const Prism& prism) {
   return worst;
 }
 
-double Guard::quality(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, HexId h) const {
+double Guard::quality(const HexVertices& hex, const IdMap<VertexId, Vec3>& position, const std::vector<GrowingSheet>& sheets,
+                      HexId h) const {
   std::array<Vec3, 8> c;
-  for (std::size_t i = 0; i < 8; ++i) c[i] = mesh.position[mesh.hexes[h][i]];
+  for (std::size_t i = 0; i < 8; ++i) c[i] = position[hex[i]];
   double worst = corner_scaled_jacobian(c);
   for (std::int32_t k = first_[h]; k < first_[HexId(h.value + 1)]; ++k) {
     const Crossing& crossing = crossings_[static_cast<std::size_t>(k)];

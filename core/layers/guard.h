@@ -29,7 +29,12 @@ class Guard {
 
   // Smallest scaled Jacobian at the corners of the hex and, for each sheet that crosses it, at those of its first layer and of what lies
   // above the physical layers.
-  [[nodiscard]] double quality(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, HexId h) const;
+  [[nodiscard]] double quality(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, HexId h) const {
+    return quality(mesh.hexes[h], mesh.position, sheets, h);
+  }
+  // The same with its vertices elsewhere.
+  [[nodiscard]] double quality(const HexVertices& hex, const IdMap<VertexId, Vec3>& position, const std::vector<GrowingSheet>& sheets,
+                               HexId h) const;
   // Hexes in sheets want the thickness their columns want, the others are cubes.
   [[nodiscard]] IdMap<HexId, HexTarget> targets(const std::vector<GrowingSheet>& sheets) const;
   [[nodiscard]] bool crossed(HexId h) const { return first_[h] < first_[HexId(h.value + 1)]; }

@@ -8,7 +8,6 @@
 #include "core/base/parallel.h"
 #include "core/layers/open.h"
 #include "core/mesh/hex.h"
-#include "core/optimise/optimise.h"
 #include "core/quality/quality.h"
 
 namespace strata {
@@ -39,7 +38,8 @@ bool is_worse(double now, double before, double enough) {
 
 Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings, Burden burden)
     : ground_(&ground),
-      stars_(hexes_round_vertices(mesh)),
+      neighbours_(mesh),
+      stars_(neighbours_.star),
       guard_(mesh, sheets),
       role_(mesh.position.size(), Role::Carried),
       spread_([&] {
@@ -96,6 +96,20 @@ Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheet
   for (const Goal& goal : goals_) movers_.push_back(goal.top);
   for (VertexId v : wall_.carried()) role_[v] = Role::Driven, movers_.push_back(v);
   movers_.insert(movers_.end(), spread_.carried().begin(), spread_.carried().end());
+  IdMap<VertexId, std::uint8_t> may_move = sliding_ends(mesh, sheets);
+  for (VertexId v : spread_.carried()) may_move[v] = 1;
+  neighbours_.choose(mesh, may_move);
+}
+
+IdMap<VertexId, std::uint8_t> Inflation::sliding_ends(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets) {
+  IdMap<VertexId, std::uint8_t> result(mesh.position.size(), 0);
+  for (const GrowingSheet& sheet : sheets)
+    for (const std::vector<VertexId>* ends : {&sheet.columns.bottom, &sheet.columns.top})
+      for (VertexId v : *ends) {
+        const Hold hold = mesh.attachment[v].hold;
+        result[v] = hold != Hold::Corner && hold != Hold::Fixed;
+      }
+  return result;
 }
 
 // Single columns stand on their feet; in a crossing a top completes the parallelogram of the points beside it.
@@ -154,8 +168,11 @@ HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sh
   std::vector<HexId> check;
   for (HexId h : mesh.hexes.ids())
     if (dirty[h]) check.push_back(h);
-  IdMap<HexId, float> before(mesh.hexes.size(), 0);
-  parallel_for(check.size(), [&](std::size_t i) { before[check[i]] = static_cast<float>(guard_.quality(mesh, sheets, check[i])); });
+  // What a hex was worth before is asked only of those that have become poor.
+  const auto has_become_worse = [&](HexId h) {
+    const double now = guard_.quality(mesh, sheets, h);
+    return now < floor && is_worse(now, guard_.quality(mesh.hexes[h], from, sheets, h), floor);
+  };
   const std::vector<Guard::Prism>& prisms = guard_.prisms();
   std::vector<double> prism_before;
   for (const Guard::Prism& prism : prisms) prism_before.push_back(Guard::prism_quality(mesh, prism));
@@ -173,9 +190,7 @@ HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sh
         mesh.position[v] = ground_->project(mesh.attachment[v], mesh.position[v]).position + off[v];
     });
     std::vector<std::uint8_t> bad(check.size(), 0);
-    parallel_for(check.size(), [&](std::size_t i) {
-      bad[i] = is_worse(guard_.quality(mesh, sheets, check[i]), static_cast<double>(before[check[i]]), floor);
-    });
+    parallel_for(check.size(), [&](std::size_t i) { bad[i] = has_become_worse(check[i]); });
     changed.clear();
     for (std::size_t i = 0; i < prisms.size(); ++i) {
       if (!is_worse(Guard::prism_quality(mesh, prisms[i]), prism_before[i], kPrismQuality)) continue;
@@ -215,16 +230,11 @@ HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sh
 
 HexMesh Inflation::settle(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, const std::vector<VertexId>& late,
                           Context& context) const {
-  IdMap<VertexId, std::uint8_t> movable(mesh.position.size(), 0);
+  IdMap<VertexId, std::uint8_t> movable =
+      step.settle == Settle::Along ? sliding_ends(mesh, sheets) : IdMap<VertexId, std::uint8_t>(mesh.position.size(), 0);
   for (VertexId v : spread_.carried()) movable[v] = 1;
-  if (step.settle == Settle::Along)
-    for (const GrowingSheet& sheet : sheets)
-      for (const std::vector<VertexId>* ends : {&sheet.columns.bottom, &sheet.columns.top})
-        for (VertexId v : *ends) {
-          const Hold hold = mesh.attachment[v].hold;
-          movable[v] = hold != Hold::Corner && hold != Hold::Fixed;
-        }
   OptimiseRequest request;
+  request.neighbours = &neighbours_;
   request.ground = ground_;
   request.movable = &movable;
   IdMap<HexId, HexTarget> targets;

@@ -11,6 +11,7 @@
 #include "core/mesh/adjacency.h"
 #include "core/mesh/hex_mesh.h"
 #include "core/optimise/ground.h"
+#include "core/optimise/optimise.h"
 
 namespace strata {
 
@@ -27,6 +28,8 @@ class Inflation {
  public:
   // Vertices within `rings` rings of a top give way; `burden`: which of them how much.
   Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, const Ground& ground, int rings, Burden burden = Burden::Alike);
+  Inflation(const Inflation&) = delete;
+  Inflation& operator=(const Inflation&) = delete;
 
   // The way that nearly all tops have to go at most, over the local size.
   [[nodiscard]] double typical_way(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const;
@@ -58,6 +61,8 @@ class Inflation {
   };
   [[nodiscard]] IdMap<VertexId, Vec3> targets(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets, Reach reach) const;
   [[nodiscard]] static double size_at(const Goal& goal, const std::vector<GrowingSheet>& sheets);
+  // Ends of columns that may slide on their ground.
+  [[nodiscard]] static IdMap<VertexId, std::uint8_t> sliding_ends(const HexMesh& mesh, const std::vector<GrowingSheet>& sheets);
   [[nodiscard]] static double thickness_of(const Goal& goal, const std::vector<GrowingSheet>& sheets, Reach reach);
   [[nodiscard]] HexMesh settle(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, const std::vector<VertexId>& late,
                                Context& context) const;
@@ -65,7 +70,8 @@ class Inflation {
                                     double floor) const;
 
   const Ground* ground_;
-  VertexStars<HexId> stars_;
+  Neighbours neighbours_;
+  const VertexStars<HexId>& stars_;
   std::vector<Goal> goals_;  // crossings after what they are made of
   Guard guard_;
   IdMap<VertexId, Role> role_;  // in the volume

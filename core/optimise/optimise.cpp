@@ -6,7 +6,6 @@
 #include "core/base/context.h"
 #include "core/base/parallel.h"
 #include "core/optimise/descend.h"
-#include "core/optimise/result.h"
 #include "core/optimise/workspace.h"
 #include "core/quality/quality.h"
 
@@ -88,7 +87,8 @@ OptimiseResult optimise(HexMesh mesh, const OptimiseRequest& request, const Opti
     work.wake_only_near_off_ground(kArrivalRings);
     if (work.sweep(visit_with(0, sweep), context) == 0) break;
   }
-  return summarise(std::move(mesh), request, sweep);
+  const std::int64_t off_ground = work.off_ground();
+  return {std::move(mesh), off_ground, sweep};
 }
 
 }  // namespace strata

@@ -3,10 +3,12 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
+#include <vector>
 
 #include "core/base/ids.h"
+#include "core/mesh/adjacency.h"
 #include "core/mesh/hex_mesh.h"
+#include "core/optimise/grains.h"
 #include "core/optimise/ground.h"
 
 namespace strata {
@@ -40,21 +42,28 @@ enum class OpenSkin {
   Slides,  // along itself, which keeps the volume: hexes that grow have to grow inwards
 };
 
+// Which hexes meet at which vertices, and who may move beside whom: stays as it is while only positions change.
+struct Neighbours {
+  explicit Neighbours(const HexMesh& mesh);
+  void choose(const HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& may_move) { grains = make_grains(mesh, may_move); }
+
+  VertexStars<HexId> star;
+  std::vector<std::uint8_t> local;  // beside star.elements: which corner of the hex the vertex is
+  Grains grains;                    // of the vertices that may move; none: made anew for each call
+};
+
 struct OptimiseRequest {
   const Ground* ground = nullptr;  // null: held vertices do not move at all
   const IdMap<VertexId, std::uint8_t>* movable = nullptr;  // null: all but Corner and Fixed; else 1: may move
   const IdMap<VertexId, std::uint8_t>* seeds = nullptr;  // null: everything
   const IdMap<HexId, HexTarget>* targets = nullptr;  // null: cubes
   OpenSkin open_skin = OpenSkin::Moves;
+  const Neighbours* neighbours = nullptr;  // of this mesh, kept from call to call; null: made for this one
 };
 
 struct OptimiseResult {
   HexMesh mesh;
-  double min_scaled_jacobian = 0;  // corners only
-  double mean_scaled_jacobian = 0;
-  std::int64_t inverted = 0;  // hexes with a corner determinant <= 0
-  double max_off_ground = 0;  // largest distance of a held vertex from its geometry, over the local edge length
-  std::int64_t off_ground = 0;  // held vertices further than 1e-9 (working frame) from their geometry
+  std::int64_t off_ground = 0;  // held vertices that may move, further than 1e-9 (working frame) from their geometry
   int sweeps = 0;
 };
 

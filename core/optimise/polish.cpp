@@ -6,7 +6,6 @@
 #include "core/base/parallel.h"
 #include "core/optimise/descend.h"
 #include "core/optimise/optimise.h"
-#include "core/optimise/result.h"
 #include "core/optimise/workspace.h"
 #include "core/quality/quality.h"
 
@@ -30,6 +29,15 @@ double jacobian_of(const HexMesh& mesh, HexId h) {
 Star::AngleEnergy energy_of(int exponent, Regard regard) {
   if (regard == Regard::Angles) return {exponent, exponent, kShapeShare};
   return {exponent, 2 * exponent, std::pow(kShapely, -2 * exponent)};
+}
+
+std::vector<HexId> hexes_under(double goal, const HexMesh& mesh) {
+  std::vector<std::uint8_t> is_poor(mesh.hexes.size(), 0);
+  parallel_for(mesh.hexes.size(), [&](std::size_t i) { is_poor[i] = jacobian_of(mesh, HexId(i)) < goal ? 1 : 0; });
+  std::vector<HexId> poor;
+  for (std::size_t i = 0; i < is_poor.size(); ++i)
+    if (is_poor[i] != 0) poor.emplace_back(i);
+  return poor;
 }
 
 // A vertex moves only when the angle energy of its star falls and its worst corner does not sink below the goal or below what it was.
@@ -71,15 +79,18 @@ bool lift(Workspace& work, VertexId v, const Star& star, const Star::AngleEnergy
 
 OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal, int rounds, Context& context, Regard regard) {
   constexpr std::array<int, 4> kExponents{2, 4, 8, 12};  // SJ^-2k: later rounds look at the worst only
-  OptimiseRequest everywhere = request;
-  Workspace work(mesh, everywhere, -1, false);
+  std::vector<HexId> poor = hexes_under(goal, mesh);
+  if (poor.empty()) return {std::move(mesh), 0, 0};
+  // Whoever may become poor while others are helped lies within the rings of those, and is helped by as many again.
+  IdMap<VertexId, std::uint8_t> seeds(mesh.position.size(), 0);
+  for (const HexId h : poor)
+    for (const VertexId v : mesh.hexes[h]) seeds[v] = 1;
+  OptimiseRequest near = request;
+  near.seeds = &seeds;
+  Workspace work(mesh, near, 2 * kRings, false);
   int sweeps = 0;
-  std::vector<std::uint8_t> is_poor(mesh.hexes.size(), 0);
   for (int round = 0; round < rounds; ++round) {
-    parallel_for(mesh.hexes.size(), [&](std::size_t i) { is_poor[i] = jacobian_of(mesh, HexId(i)) < goal ? 1 : 0; });
-    std::vector<HexId> poor;
-    for (std::size_t i = 0; i < is_poor.size(); ++i)
-      if (is_poor[i] != 0) poor.emplace_back(i);
+    if (round > 0) poor = hexes_under(goal, mesh);
     if (poor.empty()) break;
     work.wake_only_near(poor, kRings);
     const int exponent = kExponents[std::min<std::size_t>(static_cast<std::size_t>(round), kExponents.size() - 1)];
@@ -92,7 +103,8 @@ OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal,
     }
     if (moved_in_round == 0 && round + 1 >= static_cast<int>(kExponents.size())) break;
   }
-  return summarise(std::move(mesh), request, sweeps);
+  const std::int64_t off_ground = work.off_ground();
+  return {std::move(mesh), off_ground, sweeps};
 }
 
 }  // namespace strata

@@ -8,55 +8,77 @@
 
 namespace strata {
 
-Workspace::Workspace(HexMesh& mesh, const OptimiseRequest& request, int rings, bool project)
-    : mesh_(mesh), request_(request), star_(hexes_round_vertices(mesh)) {
-  local_.resize(star_.elements.size());
+Neighbours::Neighbours(const HexMesh& mesh) : star(hexes_round_vertices(mesh)), local(star.elements.size()) {
   parallel_for(mesh.position.size(), [&](std::size_t i) {
     const VertexId v(i);
-    for (std::int64_t s = star_.offset[i]; s < star_.offset[i + 1]; ++s) {
-      const HexVertices& hex = mesh_.hexes[star_.elements[static_cast<std::size_t>(s)]];
+    for (std::int64_t s = star.offset[i]; s < star.offset[i + 1]; ++s) {
+      const HexVertices& hex = mesh.hexes[star.elements[static_cast<std::size_t>(s)]];
       std::uint8_t l = 0;
       while (hex[l] != v) ++l;
-      local_[static_cast<std::size_t>(s)] = l;
+      local[static_cast<std::size_t>(s)] = l;
     }
   });
+}
+
+Workspace::Workspace(HexMesh& mesh, const OptimiseRequest& request, int rings, bool project)
+    : mesh_(mesh),
+      request_(request),
+      own_neighbours_(request.neighbours == nullptr ? std::optional<Neighbours>(mesh) : std::nullopt),
+      neighbours_(own_neighbours_ ? *own_neighbours_ : *request.neighbours),
+      star_(neighbours_.star),
+      grains_(neighbours_.grains.order.empty() ? own_grains_ : neighbours_.grains) {
   const auto is_open = [&](const QuadVertices& q) {
     return std::any_of(q.begin(), q.end(), [&](VertexId v) { return mesh.attachment[v].hold == Hold::Free; });
   };
   if (request.open_skin == OpenSkin::Slides && std::any_of(mesh.quads.begin(), mesh.quads.end(), is_open))
     skin_ = quads_round_vertices(mesh);
   choose(rings, project);
-  grains_ = make_grains(mesh_, movable_);
+  if (&grains_ == &own_grains_) own_grains_ = make_grains(mesh_, movable_);
   active_ = movable_;
   scale_targets();
   recount_bad();
   stand();
 }
 
+void Workspace::reach_out(std::vector<VertexId> front, int rings, IdMap<VertexId, std::uint8_t>& reached) const {
+  std::vector<VertexId> next;
+  for (int ring = 0; ring < rings; ++ring) {
+    next.clear();
+    for (const VertexId v : front)
+      for (const HexId h : star_.of(v))
+        for (const VertexId n : mesh_.hexes[h])
+          if (reached[n] == 0) {
+            reached[n] = 1;
+            next.push_back(n);
+          }
+    front.swap(next);
+  }
+}
+
 void Workspace::choose(int rings, bool project) {
   const std::size_t count = mesh_.position.size();
-  IdMap<VertexId, std::uint8_t> near(count, 1);
-  if (request_.seeds != nullptr && rings >= 0) {
+  IdMap<VertexId, std::uint8_t> near;
+  const bool everywhere = request_.seeds == nullptr || rings < 0;
+  if (!everywhere) {
     near = *request_.seeds;
-    for (int ring = 0; ring < rings; ++ring) {
-      IdMap<VertexId, std::uint8_t> wider = near;
-      parallel_for(count, [&](std::size_t i) {
-        if (near[VertexId(i)] != 0) return;
-        for (const HexId h : star_.of(VertexId(i)))
-          for (const VertexId n : mesh_.hexes[h])
-            if (near[n] != 0) wider[VertexId(i)] = 1;
-      });
-      near = std::move(wider);
-    }
+    std::vector<VertexId> front;
+    for (const VertexId v : near.ids())
+      if (near[v] != 0) front.push_back(v);
+    reach_out(std::move(front), rings, near);
   }
   movable_.assign(count, 0);
   parallel_for(count, [&](std::size_t i) {
     const VertexId v(i);
-    if (near[v] == 0 || star_.of(v).empty() || star_.of(v).size() > Star::kMaxHexes) return;
+    if ((!everywhere && near[v] == 0) || star_.of(v).empty() || star_.of(v).size() > Star::kMaxHexes) return;
     if (request_.movable != nullptr && (*request_.movable)[v] == 0) return;
     const Hold hold = mesh_.attachment[v].hold;
     const bool may = hold == Hold::Free || (hold != Hold::Fixed && request_.ground != nullptr && (hold != Hold::Corner || project));
     movable_[v] = may ? 1 : 0;
+  });
+  takes_part_.assign(mesh_.hexes.size(), 0);
+  parallel_for(mesh_.hexes.size(), [&](std::size_t i) {
+    for (const VertexId v : mesh_.hexes[HexId(i)])
+      if (movable_[v] != 0) takes_part_[HexId(i)] = 1;
   });
 }
 
@@ -66,6 +88,7 @@ void Workspace::scale_targets() {
   inverse_target_.resize(mesh_.hexes.size());
   parallel_for(mesh_.hexes.size(), [&](std::size_t i) {
     const HexId h(i);
+    if (takes_part_[h] == 0) return;
     std::array<double, 3> target{1, 1, 1};
     if (request_.targets != nullptr)
       for (std::size_t k = 0; k < 3; ++k) target[k] = static_cast<double>((*request_.targets)[h][k]);
@@ -89,6 +112,7 @@ void Workspace::recount_bad() {
   bad_.assign(mesh_.hexes.size(), 0);
   parallel_for(mesh_.hexes.size(), [&](std::size_t i) {
     const HexId h(i);
+    if (takes_part_[h] == 0) return;
     const HexVertices& hex = mesh_.hexes[h];
     const auto& w = inverse_target_[h];
     const double W = static_cast<double>(w[0]) * static_cast<double>(w[1]) * static_cast<double>(w[2]);
@@ -128,7 +152,7 @@ void Workspace::gather(VertexId v, Star& star) const {
   p[0] = &mesh_.position[v];
   for (std::int64_t s = star_.offset[v.index()]; s < star_.offset[v.index() + 1]; ++s) {
     const HexId h = star_.elements[static_cast<std::size_t>(s)];
-    const StarPattern& pattern = kStarPatterns[local_[static_cast<std::size_t>(s)]];
+    const StarPattern& pattern = kStarPatterns[neighbours_.local[static_cast<std::size_t>(s)]];
     const HexVertices& hex = mesh_.hexes[h];
     for (std::size_t k = 0; k < 6; ++k) p[k + 1] = &mesh_.position[hex[static_cast<std::size_t>(pattern.vertex[k])]];
     const auto& w = inverse_target_[h];
@@ -155,7 +179,7 @@ void Workspace::move(VertexId v, const Star& star, const Vec3& d) {
   int hex = 0;
   for (std::int64_t s = star_.offset[v.index()]; s < star_.offset[v.index() + 1]; ++s, ++hex) {
     const HexId h = star_.elements[static_cast<std::size_t>(s)];
-    const std::uint8_t own = local_[static_cast<std::size_t>(s)];
+    const std::uint8_t own = neighbours_.local[static_cast<std::size_t>(s)];
     const StarPattern& pattern = kStarPatterns[own];
     for (int k = 0; k < 4; ++k) {
       const auto corner = k == 0 ? own : static_cast<std::uint8_t>(pattern.vertex[static_cast<std::size_t>(k - 1)]);
@@ -181,21 +205,14 @@ void Workspace::wake_all() {
 void Workspace::wake_only_near(const std::vector<HexId>& hexes, int rings) {
   everybody_ = false;
   near_.assign(mesh_.position.size(), 0);
-  std::vector<VertexId> front, next;
-  const auto reach = [&](HexId h, std::vector<VertexId>& reached) {
+  std::vector<VertexId> front;
+  for (const HexId h : hexes)
     for (const VertexId v : mesh_.hexes[h])
       if (near_[v] == 0) {
         near_[v] = 1;
-        reached.push_back(v);
+        front.push_back(v);
       }
-  };
-  for (const HexId h : hexes) reach(h, front);
-  for (int ring = 0; ring < rings; ++ring) {
-    next.clear();
-    for (const VertexId v : front)
-      for (const HexId h : star_.of(v)) reach(h, next);
-    front.swap(next);
-  }
+  reach_out(std::move(front), rings, near_);
   parallel_for(near_.size(),
                [&](std::size_t i) { active_[VertexId(i)] = static_cast<std::uint8_t>(near_[VertexId(i)] & movable_[VertexId(i)]); });
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/mesh/adjacency.h"
@@ -71,19 +72,24 @@ class Workspace {
   void scale_targets();
   void stand();
   void wake_round(VertexId v);
+  // Adds to `reached` all that lies within so many rings of those in `front`.
+  void reach_out(std::vector<VertexId> front, int rings, IdMap<VertexId, std::uint8_t>& reached) const;
 
   bool strict_ = true;
   HexMesh& mesh_;
   const OptimiseRequest& request_;
-  VertexStars<HexId> star_;
+  std::optional<Neighbours> own_neighbours_;
+  const Neighbours& neighbours_;
+  const VertexStars<HexId>& star_;
+  Grains own_grains_;
+  const Grains& grains_;
   VertexStars<QuadId> skin_;  // empty unless there is an open skin that slides
-  std::vector<std::uint8_t> local_;  // beside star_.elements: which corner of the hex the vertex is
   IdMap<HexId, std::array<float, 3>> inverse_target_;  // scaled so that determinants of good hexes are about 1
   IdMap<HexId, std::uint8_t> bad_;  // bit per corner
   IdMap<VertexId, std::uint8_t> movable_, active_;
   bool everybody_ = true;  // false: only those with near_ set may be woken
   IdMap<VertexId, std::uint8_t> near_;
-  Grains grains_;
+  IdMap<HexId, std::uint8_t> takes_part_;  // hexes with a vertex that may move: the others are not looked at
   IdMap<VertexId, std::int32_t> foot_of_;
   std::vector<Foot> feet_;
 };

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/mesh/adjacency.h"
+#include "core/quality/quality.h"
 
 namespace strata::testing {
 namespace {
@@ -145,6 +146,18 @@ std::int64_t count_not_positive_hexes(const HexMesh& mesh) {
     if (!positive) ++count;
   }
   return count;
+}
+
+CornerJacobians corner_jacobians(const HexMesh& mesh) {
+  CornerJacobians result;
+  for (const HexVertices& hex : mesh.hexes) {
+    std::array<Vec3, 8> p;
+    for (std::size_t c = 0; c < 8; ++c) p[c] = mesh.position[hex[c]];
+    const double jacobian = corner_scaled_jacobian(p);
+    result.min = std::min(result.min, jacobian);
+    result.mean += jacobian / static_cast<double>(mesh.hexes.size());
+  }
+  return result;
 }
 
 std::string check_positive(const HexMesh& mesh) {

@@ -20,6 +20,11 @@ std::string check_topology(const HexMesh& mesh);
 // Every corner determinant of every hex is positive.
 std::string check_positive(const HexMesh& mesh);
 std::int64_t count_not_positive_hexes(const HexMesh& mesh);
+// Scaled Jacobians of all hexes, at their corners.
+struct CornerJacobians {
+  double min = 1, mean = 0;
+};
+CornerJacobians corner_jacobians(const HexMesh& mesh);
 // No hex has more than `most` faces that are quads of the mesh.
 std::string check_quads_per_hex(const HexMesh& mesh, int most);
 // Quads of two charts share at most one edge; no quad has two border edges unless they meet at a vertex held at a corner.
