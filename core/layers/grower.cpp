@@ -23,7 +23,11 @@ constexpr double kThick = 3;              // local sizes: what the rings next to
 constexpr double kStride = 1;             // of the local size: the way that the top of a thick layer goes in one step at most
 constexpr int kThickCatchUps = 20;
 constexpr double kThicknessSlope = 0.4;   // of layers that are not thick
-constexpr double kMostSlope = 1;
+constexpr double kSlopePerSize = 0.2;     // of thick ones: the thicker, the wider would be what one narrow place thins
+constexpr double kMostSlope = 2;
+constexpr double kFinalSlope = 2.5;       // times as much between thick columns that stand already
+constexpr float kAhead = 0.2F;            // of a step, that a top may go further than one next to it
+constexpr float kThickAhead = 0.4F;
 constexpr double kProgress = 0.95;        // of the way that was left before: when no less is, it ends
 constexpr double kRegrowth = 2;           // what a short column tries at once
 constexpr double kRegrowthStart = 0.1;    // of its wish, on top
@@ -55,8 +59,7 @@ Grower::Grower(HexMesh start, LayerPlan planned, const LayerRequest& request, Co
       context_(context),
       widened_(mesh.quads.size(), -1),
       thick_(request.thickest > kThick),
-      // The thicker the layers, the wider the surroundings that one narrow place would thin at the same slope.
-      slope_(std::clamp(kThicknessSlope * request.thickest / kThick, kThicknessSlope, kMostSlope)) {
+      slope_(thick_ ? std::clamp(kSlopePerSize * request.thickest, kThicknessSlope, kMostSlope) : kThicknessSlope) {
   for (std::size_t g = 0; g < plan.groups.size(); ++g)
     for (QuadId q : plan.groups[g].beyond) widened_[q.index()] = static_cast<std::int32_t>(g);
   for (QuadId q : plan.bare) widened_[q.index()] = kLeftBare;
@@ -309,6 +312,7 @@ void Grower::inflate() {
   for (GroupSheet& s : sheets_) decide_law(s);
   const Inflation inflation(mesh, growing(), request_.ground, request_.rings, thick_ ? Burden::BySize : Burden::Alike);
   const double stride = thick_ ? kStride : std::numeric_limits<double>::infinity();
+  const float ahead = thick_ ? kThickAhead : kAhead;
   const int catch_ups = thick_ ? kThickCatchUps : kCatchUps;
   double left = 0;   // of the ways of the last step
   const auto advance = [&](const Inflation::Step& step) {
@@ -325,20 +329,20 @@ void Grower::inflate() {
       if (i > 0) remeasure();
       // On its way the volume follows by itself: it settles where tops are held up, and everywhere when they are there or far apart.
       const bool follows = i + 1 < steps && !thick_;
-      advance({reach, 1.0 / (steps - i), floor, kSweeps, settle, stride, follows});
+      advance({reach, 1.0 / (steps - i), floor, kSweeps, settle, stride, ahead, follows});
     }
     // Columns that stay short draw their neighbours down, then all grow again together: what was in the way has settled by then.
     double before = std::numeric_limits<double>::infinity();
     for (int i = 0; i < catch_ups && left > 0 && (i < 2 || left < kProgress * before); ++i) {
       before = left;
       remeasure();
-      const std::vector<std::vector<double>> wish = hold_back(reach, kRegrowth);
-      advance({reach, 1.0, floor, kSweeps, settle, stride, true});
+      const std::vector<std::vector<double>> wish = hold_back(reach, kRegrowth, slope_);
+      advance({reach, 1.0, floor, kSweeps, settle, stride, ahead, true});
       for (std::size_t s = 0; s < sheets_.size(); ++s) sheets_[s].growing.thickness = wish[s];
     }
   }
   remeasure();
-  hold_back(Reach::Full, 1.0);
+  hold_back(Reach::Full, 1.0, thick_ ? kFinalSlope * slope_ : slope_);
   advance({Reach::Full, 1.0, kLeastQuality, kLastSweeps});
   std::vector<VertexId> in_prisms;
   for (const GroupSheet& s : sheets_)
@@ -351,7 +355,7 @@ void Grower::inflate() {
 
 // Lowers the wishes of columns that are short to `growth` of what they have (and a little), and those of their neighbours gradually.
 // Returns the wishes before.
-std::vector<std::vector<double>> Grower::hold_back(Reach reach, double growth) {
+std::vector<std::vector<double>> Grower::hold_back(Reach reach, double growth, double slope) {
   std::vector<std::vector<double>> before;
   for (GroupSheet& s : sheets_) {
     GrowingSheet& g = s.growing;
@@ -360,7 +364,7 @@ std::vector<std::vector<double>> Grower::hold_back(Reach reach, double growth) {
       const double height = height_of(mesh, g, c), wish = wish_of(g, c, reach);
       if (height < kShort * wish) g.thickness[c] = std::min(g.thickness[c], growth * height + (growth - 1) * kRegrowthStart * wish);
     }
-    grade(mesh, g.columns, g.beside, slope_, g.thickness);
+    grade(mesh, g.columns, g.beside, slope, g.thickness);
   }
   return before;
 }

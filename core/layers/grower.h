@@ -68,7 +68,7 @@ class Grower {
   // Gives up layers of the sheet's group, where its entry says so, until the rest fits nearly everywhere. False: nothing changed.
   bool give_up_layers(const GroupSheet& sheet);
   void forget_room_on_strips(GroupSheet& sheet) const;
-  std::vector<std::vector<double>> hold_back(Reach reach, double growth);
+  std::vector<std::vector<double>> hold_back(Reach reach, double growth, double slope);
   [[nodiscard]] const LayerSpec& entry_of(FrontIndex front) const;
   [[nodiscard]] std::vector<GrowingSheet> growing() const;
   [[nodiscard]] std::vector<Stack> stacks();

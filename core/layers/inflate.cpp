@@ -17,7 +17,6 @@ constexpr double kArrived = 0.02;        // of the thickness
 constexpr double kMostLean = 4;          // column length over height that is believed
 constexpr double kNotMuchWorse = 0.8;    // a poor hex may lose so much of its quality in a step
 constexpr int kLateRings = 5;            // round tops that are late
-constexpr float kFactorSlope = 0.2F;     // of a step, that a vertex may go further than one in the same hex
 constexpr double kMostOfAll = 0.9;       // of the tops: the way of the others does not count for the number of steps
 constexpr int kHalvings = 4;             // of the moves round a bad hex, before they are given up for this step
 constexpr int kSettleTrials = 4;
@@ -160,7 +159,8 @@ double Inflation::typical_way(const HexMesh& mesh, const std::vector<GrowingShee
 }
 
 HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const IdMap<VertexId, Vec3>& move,
-                               double floor) const {
+                               const Step& step) const {
+  const double floor = step.floor;
   const IdMap<VertexId, Vec3> from = mesh.position;
   IdMap<HexId, std::uint8_t> dirty(mesh.hexes.size(), 0);
   for (VertexId v : movers_)
@@ -205,7 +205,7 @@ HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sh
     for (VertexId v : changed) factor[v] = round < kHalvings ? 0.5F * factor[v] : 0.0F;
     // Whoever holds back draws the vertices round it back a little less: a sudden step would fold the next hexes.
     for (std::size_t i = 0; i < changed.size(); ++i) {
-      const float most = factor[changed[i]] + kFactorSlope;
+      const float most = factor[changed[i]] + step.ahead;
       if (most >= 1) continue;
       for (HexId h : stars_.of(changed[i]))
         for (VertexId w : mesh.hexes[h]) {
@@ -294,7 +294,7 @@ Inflation::Advanced Inflation::advance(HexMesh mesh, const std::vector<GrowingSh
   }
   spread_.fill(move);
   Advanced result;
-  mesh = move_safely(std::move(mesh), sheets, move, step.floor);
+  mesh = move_safely(std::move(mesh), sheets, move, step);
   std::vector<VertexId> late;
   for (const Goal& goal : goals_) {
     const double thickness = thickness_of(goal, sheets, step.reach), distance = (end[goal.top] - mesh.position[goal.top]).norm();

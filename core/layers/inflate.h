@@ -43,6 +43,7 @@ class Inflation {
     int sweeps = 0;
     Settle settle = Settle::Around;
     double stride = std::numeric_limits<double>::infinity();  // most that a top goes, over the local size
+    float ahead = 0.2F;  // of the step, that a vertex may go further than one in the same hex
     bool late_only = false;  // settles only round tops that are not where they should be
   };
   struct Advanced {
@@ -67,7 +68,7 @@ class Inflation {
   [[nodiscard]] HexMesh settle(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const Step& step, const std::vector<VertexId>& late,
                                Context& context) const;
   [[nodiscard]] HexMesh move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sheets, const IdMap<VertexId, Vec3>& move,
-                                    double floor) const;
+                                    const Step& step) const;
 
   const Ground* ground_;
   Neighbours neighbours_;
