@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "core/base/parallel.h"
+#include "core/fit/faint.h"
 #include "core/fit/fit.h"
 #include "core/mesh/adjacency.h"
 #include "core/quality/quality.h"
@@ -13,16 +14,10 @@ namespace {
 
 constexpr double kMostBad = 0.5;  // bad hexes at a curve that is not faint, over its vertices: fewer are mended on the spot
 constexpr std::int32_t kShort = 12;  // vertices on a crease
-constexpr double kFaint = std::numbers::pi / 3;  // a crease inside one chart that turns by less is often noise of the triangulation
 
-// Patches are kept: their borders are not for us.
-bool is_inside_patch(const Features& features, const Curve& curve) {
-  return curve.manifold && curve.left.valid() && curve.right.valid() &&
-         features.patch_of_chart[curve.left] == features.patch_of_chart[curve.right];
-}
 // A crease that ends in the open and turns by little may be noise of the triangulation, above all when it is short.
 bool may_be_noise(const Curve& curve, std::int32_t vertices, bool poor) {
-  return curve.left == curve.right && std::abs(std::numbers::pi - curve.dihedral_mean) < kFaint && (poor || vertices <= kShort);
+  return curve.left == curve.right && turns_little(curve) && (poor || vertices <= kShort);
 }
 
 // Ascending: what gives way first.

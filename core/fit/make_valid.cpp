@@ -3,6 +3,7 @@
 
 #include "core/base/context.h"
 #include "core/base/parallel.h"
+#include "core/fit/faint.h"
 #include "core/fit/fit.h"
 #include "core/mesh/adjacency.h"
 #include "core/mesh/part.h"
@@ -25,6 +26,8 @@ constexpr int kPolishRounds = 3;
 constexpr double kGoal = 0.4;       // scaled Jacobian of the last polish
 constexpr int kLastRounds = 4;
 constexpr double kPoorest = 0.1;    // scaled Jacobian: for hexes below, features on them may go
+constexpr double kPoor = 0.3;       // for hexes below, faint ones may
+constexpr int kFaintRounds = 4;     // of giving those up
 constexpr std::size_t kFew = 64;    // such hexes; more are in the nature of the surface
 constexpr double kCalmJacobian = 0.05;
 constexpr double kOnSurface = 1e-9;  // working frame: rounding
@@ -201,10 +204,10 @@ std::int64_t free_near(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& near,
   return loosened.features;
 }
 
-// Frees what the hexes and `rings` rings round them hold, working on their surroundings alone. Returns how many features that cost.
-std::int64_t free_round(HexMesh& mesh, const std::vector<HexId>& hexes, int rings, Freedom freedom, const Ground& ground,
+// Frees what the marked vertices and those `rings` rings of hexes round them hold, working on their surroundings alone. Returns how many
+// features that cost.
+std::int64_t free_round(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& marked, int rings, Freedom freedom, const Ground& ground,
                         Context& context) {
-  const IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, hexes);
   MeshPart part = cut_part(mesh, marked, rings + kRings + kMargin);
   IdMap<VertexId, std::uint8_t> near(part.mesh.position.size());
   for (VertexId v : near.ids()) near[v] = marked[part.whole[v]];
@@ -213,25 +216,53 @@ std::int64_t free_round(HexMesh& mesh, const std::vector<HexId>& hexes, int ring
   return features;
 }
 
-std::vector<HexId> poorest_hexes(const HexMesh& mesh) {
-  return hexes_where(mesh, [](const std::array<Vec3, 8>& corners) { return corner_scaled_jacobian(corners) < kPoorest; });
+// Whether the vertex stands on a crease that turns by little, or on a corner that would be no more than a bend without such; and on no border
+// of a patch.
+bool is_on_faint_feature(const Attachment& at, const Features& features) {
+  const auto is_inside = [&](CurveId c) { return is_inside_patch(features, features.curves[c]); };
+  const auto is_faint = [&](CurveId c) { return turns_little(features.curves[c]); };
+  if (at.hold == Hold::Curve) return is_inside(CurveId(at.of)) && is_faint(CurveId(at.of));
+  if (at.hold != Hold::Corner) return false;
+  const std::vector<CurveId>& curves = features.corners[CornerId(at.of)].curves;
+  const auto faint = std::count_if(curves.begin(), curves.end(), is_faint), others = std::ssize(curves) - faint;
+  return faint > 0 && others <= 2 && std::all_of(curves.begin(), curves.end(), is_inside);
 }
 
-// Few hexes that are valid but very poor cost the features at them, when that helps; then what was freed is polished once more.
-void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Context& context) {
-  const std::vector<HexId> poor = poorest_hexes(mesh);
-  const bool may_free = !poor.empty() && poor.size() < kFew;
-  if (features == 0 && !may_free) return;
+std::vector<HexId> hexes_below(const HexMesh& mesh, double jacobian) {
+  return hexes_where(mesh, [&](const std::array<Vec3, 8>& corners) { return corner_scaled_jacobian(corners) < jacobian; });
+}
+
+// Few hexes that are valid but poor cost the features at them, when fewer are so poor then and none poorer; or only the faint ones of these
+// features, when half as many are. Then what was freed is polished once more. Whether any features went.
+bool improve(HexMesh& mesh, double poor, bool faint_only, std::int64_t& features, const Ground& ground, Context& context) {
+  const std::vector<HexId> hexes = hexes_below(mesh, poor);
+  IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, hexes);
+  if (faint_only)
+    for (VertexId v : marked.ids()) marked[v] = marked[v] != 0 && is_on_faint_feature(mesh.attachment[v], ground.features()) ? 1 : 0;
+  const bool may_free = hexes.size() < kFew && std::any_of(marked.begin(), marked.end(), [](std::uint8_t m) { return m != 0; });
+  if (features == 0 && !may_free) return false;
   HexMesh better = mesh;
-  const std::int64_t freed = may_free ? free_round(better, poor, 0, Freedom::Slide, ground, context) : 0;
-  if (features == 0 && freed == 0) return;
+  const std::int64_t freed = may_free ? free_round(better, marked, 0, Freedom::Slide, ground, context) : 0;
+  if (features == 0 && freed == 0) return false;
   OptimiseRequest request;
   request.ground = &ground;
   request.open_skin = OpenSkin::Slides;
   better = polish(std::move(better), request, kGoal, kLastRounds, context, Regard::AnglesAndShape).mesh;
-  if (!bad_hexes(better).empty() || (freed > 0 && poorest_hexes(better).size() >= poor.size())) return;
+  if (!bad_hexes(better).empty()) return false;
+  const std::size_t left = hexes_below(better, poor).size();
+  const bool pays = (faint_only ? 2 * left <= hexes.size() : left < hexes.size()) && worst_corner(better) >= worst_corner(mesh);
+  if (freed > 0 && !pays) return false;
   mesh = std::move(better);
   features += freed;
+  return freed > 0;
+}
+
+void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Context& context) {
+  improve(mesh, kPoorest, false, features, ground, context);
+  if (worst_corner(mesh) < kPoorest) return;  // faint features elsewhere would not make the mesh better
+  for (int round = 0; round < kFaintRounds; ++round) {
+    if (!improve(mesh, kPoor, true, features, ground, context)) return;
+  }
 }
 
 }  // namespace
@@ -264,11 +295,11 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     const std::vector<HexId> parted = part_coincident(mesh);
     bad.insert(bad.end(), parted.begin(), parted.end());
     if (bad.empty()) break;
-    features += free_round(mesh, bad, round, round >= kFreeingRound ? Freedom::Leave : Freedom::Slide, ground, context);
+    features += free_round(mesh, vertices_of(mesh, bad), round, round >= kFreeingRound ? Freedom::Leave : Freedom::Slide, ground, context);
     bad = bad_hexes(mesh);
   }
   for (int round = 0; round < kStayRounds && !bad.empty(); ++round) {
-    features += free_round(mesh, bad, kStayRings + round, Freedom::StayOff, ground, context);
+    features += free_round(mesh, vertices_of(mesh, bad), kStayRings + round, Freedom::StayOff, ground, context);
     bad = bad_hexes(mesh);
   }
   if (bad.empty()) improve(mesh, features, ground, context);

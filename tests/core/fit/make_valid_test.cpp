@@ -1,8 +1,17 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <utility>
+
 #include "core/base/context.h"
+#include "core/buffer/wrap.h"
+#include "core/carve/carve.h"
+#include "core/dual/dual.h"
 #include "core/fit/fit.h"
+#include "core/octree/octree.h"
 #include "core/optimise/ground.h"
+#include "core/sizing/size_field.h"
+#include "core/surface/locator.h"
 #include "tests/support/grids.h"
 #include "tests/support/mesh_checks.h"
 #include "tests/support/shapes.h"
@@ -28,6 +37,38 @@ TEST(MakeValid, WhatCannotLieOnTheSurfaceStaysOff) {
   EXPECT_EQ(testing::check_positive(fit.mesh), "");
   EXPECT_GT(fit.relaxed, 0);
   EXPECT_GT(fit.worst_off, 0);
+}
+
+// A boulder of 320 triangles: creases that turn by little go in all directions.
+TriangleSoup boulder(double waves) {
+  TriangleSoup soup = test::sphere(2);
+  for (Vec3& p : soup.points) {
+    const Vec3 u = p.normalized();
+    p = (1 + 0.2 * std::sin(waves * u.x() + 1) * std::sin(waves * u.y() + 2) * std::sin(waves * u.z() + 3)) * u;
+  }
+  return soup;
+}
+
+TEST(MakeValid, PoorHexesCostFaintFeatures) {
+  Context context;
+  const Surface surface = condition(boulder(6.25), context);
+  const Features features = detect_features(surface, {}, context);
+  const Ground ground(surface, features);
+  SizeField sizes;
+  sizes.max_size = 0.06;
+  sizes.at_triangle.assign(surface.triangles.size(), sizes.max_size);
+  const Locator locator(surface);
+  HexMesh mesh = carve(dualize(refine_octree(surface, sizes, {}, context), context), surface, locator, {}, context).mesh;
+  mesh = fit_to_smooth(wrap_surface(std::move(mesh), context), ground, surface, false, context).mesh;
+  Match match = match_features(std::move(mesh), ground, {}, context);
+  mesh = wrap_ridges(std::move(match.mesh), features, match.creases, context);
+  mesh = settle_on_features(arrive_at_features(std::move(mesh), ground, context), ground, context);
+  ASSERT_LT(worst_corner(mesh), 0.3);
+  const FitResult fit = make_valid(std::move(mesh), ground, context);
+  EXPECT_EQ(fit.bad, 0);
+  EXPECT_GT(worst_corner(fit.mesh), 0.3);
+  ASSERT_TRUE(fit.let_go.has_value());
+  EXPECT_LT(fit.let_go->count, 10);
 }
 
 }  // namespace
