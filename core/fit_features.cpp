@@ -11,7 +11,7 @@ namespace strata {
 namespace {
 
 constexpr int kLetGoRounds = 4;  // of letting creases go, before what is left is freed on the spot
-constexpr int kMostRounds = 7;   // in all: where freeing could not make hexes valid, all creases round them go
+constexpr int kMostRounds = 7;   // in all: where hexes are not valid, or the mesh off the surface for it, all creases round them go
 constexpr std::size_t kFew = 64; // bad hexes, that freeing the vertices round them costs less than any crease
 constexpr double kGood = 0.40;     // scaled Jacobian: more is worth no crease
 constexpr double kGain = 0.001;    // of it, for which a round's mesh is better than that of an earlier one, which has more creases
@@ -30,8 +30,12 @@ bool give_way(const std::vector<CurveId>& creases, IdMap<CurveId, std::uint8_t>&
   return !creases.empty();
 }
 
-// Scaled Jacobian as far as it counts; below 0 for a mesh that is not valid.
-double worth_of(const FitResult& fit) { return fit.bad > 0 ? -0.5 : std::min(kGood, worst_corner(fit.mesh)); }
+// Scaled Jacobian as far as it counts; below 0 for a mesh that does not follow the surface, and lower for one that is not valid.
+double worth_of(const FitResult& fit) {
+  const double worst = std::min(kGood, worst_corner(fit.mesh));
+  if (fit.bad > 0) return -2;
+  return fit.is_relaxed() ? worst - 1 : worst;
+}
 
 }  // namespace
 
@@ -41,7 +45,7 @@ MergedGround::MergedGround(const Ground& of, const IdMap<ChartId, ChartId>& into
 FeatureFit fit_features(const HexMesh& smooth, const Ground& ground, Context& context) {
   const Features& features = ground.features();
   FeatureFit best;
-  double best_worth = -1;
+  double best_worth = -3;
   IdMap<CurveId, std::uint8_t> let_go(features.curves.size(), 0);
   for (int round = 0;; ++round) {
     FeatureFit fit;
@@ -62,17 +66,17 @@ FeatureFit fit_features(const HexMesh& smooth, const Ground& ground, Context& co
     const std::vector<CurveId> in_the_way =
         may_let_go ? creases_in_the_way(mesh, features, let_go, rule, kSettled) : std::vector<CurveId>();
 
-    IdMap<VertexId, Attachment> held = mesh.attachment;
+    const std::vector<CurveId> last_resort =  // all creases round what cannot be valid on them
+        round < kMostRounds ? creases_near(mesh, bad_hexes(mesh), features, let_go) : std::vector<CurveId>();
     fit.result = make_valid(std::move(mesh), here, context);
     const double worth = worth_of(fit.result);
     if (worth < kGood && give_way(in_the_way, let_go)) {
       if (worth > best_worth + kGain) best = std::move(fit), best_worth = worth;
       continue;
     }
-    if (fit.result.bad > 0 && round < kMostRounds) {
-      std::swap(fit.result.mesh.attachment, held);  // what the hexes were held by before they were freed
-      if (give_way(creases_near(fit.result.mesh, bad_hexes(fit.result.mesh), features, let_go), let_go)) continue;
-      std::swap(fit.result.mesh.attachment, held);
+    if (worth < 0 && give_way(last_resort, let_go)) {
+      if (worth > best_worth + kGain) best = std::move(fit), best_worth = worth;
+      continue;
     }
     if (worth > best_worth + kGain) best = std::move(fit);
     best.rounds = round + 1;

@@ -23,9 +23,6 @@
 namespace strata {
 namespace {
 
-// The rung is fit_relaxed when more than this share of the boundary vertices stay off the surface by over a quarter of the local edge;
-// fewer are an adjustment only.
-constexpr double kRelaxedShare = 1e-3;
 constexpr int kFacesOfHex = 6;
 constexpr int kFinerAttempts = 2;  // with finer cells where the mesh fell short
 constexpr double kMostHexes = 2;   // times those of the first mesh: carved cells of one with finer places
@@ -43,7 +40,7 @@ void report_relaxed(const FitResult& fit, Rung& rung, Context& context) {
   diagnostic.message = std::to_string(fit.relaxed) + " boundary vertices stay off the surface or its features (by " +
                        std::to_string(fit.worst_off) + " of the local edge at most), because hexes would invert; refine there";
   context.adjusted(std::move(diagnostic));
-  if (static_cast<double>(fit.far) > kRelaxedShare * static_cast<double>(fit.held)) fall_to(rung, Rung::FitRelaxed);
+  if (fit.is_relaxed()) fall_to(rung, Rung::FitRelaxed);
 }
 
 // Cells of the surface half as large.

@@ -22,6 +22,9 @@ struct FitResult {
   std::optional<Diagnostic> let_go{};  // where features were let go, for the user
   std::vector<Vec3> places{};      // centres of the hexes that had to be freed
   std::int64_t bad = 0;           // hexes whose scaled Jacobian, corners and centre, is not above kLeastJacobian
+
+  // Whether so many vertices stay far off that the mesh cannot be said to follow the surface; fewer are an adjustment only.
+  [[nodiscard]] bool is_relaxed() const { return static_cast<double>(far) > 1e-3 * static_cast<double>(held); }
 };
 
 // A hex counts as valid above this scaled Jacobian (Verdict's, corners and centre): far enough from zero that writing and reading a mesh

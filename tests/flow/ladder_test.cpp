@@ -1,6 +1,7 @@
 #include "core/ladder.h"
 
 #include <algorithm>
+#include <cmath>
 #include <new>
 #include <set>
 #include <stdexcept>
@@ -107,6 +108,40 @@ TEST(Ladder, LayersOnWhatCannotBeFittedEndWithAValidMesh) {
   const Outcome outcome = testing::run(spiked_sphere(), spec);
   testing::expect_sound(outcome);
   EXPECT_NE(outcome.rung, Rung::Full);
+}
+
+// A square that turns, shrinks and rises in slices much thinner than the cells: every slice has a zigzag of sharp creases.
+TriangleSoup twisted_horn(int slices, double turn, double top) {
+  TriangleSoup soup;
+  soup.patch_names = {"horn"};
+  for (int i = 0; i <= slices; ++i)
+    for (int k = 0; k < 4; ++k) {
+      const double at = static_cast<double>(i) / slices, angle = turn * at + (k + 0.5) * 90 * kDegree;
+      const double radius = std::sqrt(0.5) * (1 + (top - 1) * at);
+      soup.points.emplace_back(radius * std::cos(angle), radius * std::sin(angle), 2 * at);
+    }
+  const auto add = [&](int a, int b, int c) {
+    soup.triangles.push_back({a, b, c});
+    soup.patch.push_back(0);
+  };
+  for (int i = 0; i < slices; ++i)
+    for (int k = 0; k < 4; ++k) {
+      const int a = 4 * i + k, b = 4 * i + (k + 1) % 4;
+      add(a, b, a + 4);
+      add(b, b + 4, a + 4);
+    }
+  add(0, 2, 1);
+  add(0, 3, 2);
+  const int o = 4 * slices;
+  add(o, o + 1, o + 2);
+  add(o, o + 2, o + 3);
+  return soup;
+}
+
+TEST(Ladder, CreasesGoBeforeTheMeshLeavesTheSurface) {
+  const Outcome outcome = testing::run(twisted_horn(60, -500 * kDegree, 0.2), testing::sized(0.1));
+  testing::expect_sound(outcome);
+  EXPECT_EQ(outcome.rung, Rung::FeaturesSoftened);
 }
 
 }  // namespace
