@@ -20,6 +20,8 @@ constexpr double kStep = 0.6;             // of the local size: the way tops go 
 constexpr int kMostSteps = 40;
 constexpr int kCatchUps = 6;
 constexpr double kThick = 3;              // local sizes: what the rings next to the wall can bear alone (paper section 10)
+constexpr double kGapShare = 0.35;        // of the way to the opposite wall, which may want layers too
+constexpr double kBareGapShare = 0.5;
 constexpr double kStride = 1;             // of the local size: the way that the top of a thick layer goes in one step at most
 constexpr int kThickCatchUps = 20;
 constexpr double kThicknessSlope = 0.4;   // of layers that are not thick
@@ -177,6 +179,14 @@ void Grower::forget_room_on_strips(GroupSheet& sheet) const {
     if (std::binary_search(tops.begin(), tops.end(), sheet.measured.bottom[c])) sheet.room[c] = std::numeric_limits<double>::infinity();
 }
 
+// A thick layer may have half of the gap where the opposite wall wants none.
+RoomRules Grower::room_rules() const {
+  RoomRules rules;
+  rules.along_walls = thick_;
+  for (const PatchWish& wish : request_.wishes) rules.gap_share.push_back(thick_ && wish.entry < 0 ? kBareGapShare : kGapShare);
+  return rules;
+}
+
 // The law of each column and the thickness it leads to.
 void Grower::decide_law(GroupSheet& sheet) {
   const LayerGroup& group = plan.groups[static_cast<std::size_t>(sheet.group)];
@@ -208,8 +218,7 @@ void Grower::decide_law(GroupSheet& sheet) {
   g.beside = columns_beside(mesh, wall, g.columns);
   if (sheet.measured.size() == 0) {
     sheet.measured = g.columns;
-    sheet.room =
-        room_at(mesh, g.columns, g.feet, sheet.laws, request_.ground, request_.locator, thick_ ? Strips::Measured : Strips::AsLongAsWished);
+    sheet.room = room_at(mesh, g.columns, g.feet, sheet.laws, request_.ground, request_.locator, room_rules());
     forget_room_on_strips(sheet);
     if (give_up_layers(sheet)) return decide_law(sheet);
   }

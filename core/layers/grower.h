@@ -13,6 +13,7 @@
 #include "core/layers/plan.h"
 #include "core/layers/size_law.h"
 #include "core/layers/slice.h"
+#include "core/layers/wall.h"
 #include "core/surface/locator.h"
 
 namespace strata {
@@ -64,6 +65,7 @@ class Grower {
  private:
   bool widen(const std::vector<VertexId>& pinches, std::int32_t group);
   void measure_feet(GroupSheet& sheet) const;
+  [[nodiscard]] RoomRules room_rules() const;
   void decide_law(GroupSheet& sheet);
   // Gives up layers of the sheet's group, where its entry says so, until the rest fits nearly everywhere. False: nothing changed.
   bool give_up_layers(const GroupSheet& sheet);

@@ -13,7 +13,6 @@ namespace {
 constexpr double kGoodVisibility = 0.7;   // the mean of the normals serves while no normal turns further than 45 degrees from it
 constexpr double kMostStretch = 2;        // longer columns would cross their neighbours before they gain height
 constexpr double kSteep = 0.3;            // of a facet's normal in a chart's plane: less says little of a direction there
-constexpr double kGapShare = 0.35;        // of the way to the opposite wall, which may want layers too
 constexpr double kEdgeStretch = 1.05;     // columns longer than their height by more stand on an edge
 constexpr int kLeanSweeps = 12;
 constexpr double kLeanDecay = 0.95;
@@ -167,9 +166,9 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
 }
 
 // Along the column's direction. A vertex of the wall may lie a little behind the surface, which is then hit first: from behind, as the wall
-// itself is seen, and near.
-std::optional<double> way_to_opposite_wall(const Vec3& from, const Foot& foot, double limit, const Surface& surface,
-                                           const Locator& locator) {
+// itself is seen, and near. The way counts from `from`.
+std::optional<Locator::Hit> hit_on_opposite_wall(const Vec3& from, const Foot& foot, double limit, const Surface& surface,
+                                                 const Locator& locator) {
   double begin = 0;
   for (int i = 0; i < kMostOwnWalls && begin < limit; ++i) {
     const auto hit = locator.first_hit(from + begin * foot.direction, foot.direction, limit - begin);
@@ -177,7 +176,7 @@ std::optional<double> way_to_opposite_wall(const Vec3& from, const Foot& foot, d
     const double way = begin + hit->s;
     const auto& t = surface.triangles[hit->triangle];
     const Vec3 normal = (surface.points[t[1]] - surface.points[t[0]]).cross(surface.points[t[2]] - surface.points[t[0]]);
-    if (way > kOwnWall * foot.size || normal.dot(foot.direction) * foot.own_sense <= 0) return way;
+    if (way > kOwnWall * foot.size || normal.dot(foot.direction) * foot.own_sense <= 0) return Locator::Hit{way, hit->triangle};
     begin = way + kRayStart * foot.size;
   }
   return std::nullopt;
@@ -194,7 +193,8 @@ std::optional<double> way_along(const Ground& ground, const Attachment& held, co
 }
 
 std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws,
-                            const Ground& ground, const Locator& locator, Strips strips) {
+                            const Ground& ground, const Locator& locator, const RoomRules& rules) {
+  const double least_share = *std::min_element(rules.gap_share.begin(), rules.gap_share.end());
   std::vector<double> room(columns.size(), std::numeric_limits<double>::infinity());
   parallel_for(
       columns.size(),
@@ -204,15 +204,17 @@ std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const s
         const double wished = wished_thickness(laws[c], feet[c].size) * feet[c].stretch;
         if (held.hold != Hold::Free) {  // a ray along the surface hits it
           const bool slides = held.hold == Hold::Chart || held.hold == Hold::Curve;
-          if (strips == Strips::AsLongAsWished || !slides) return;
+          if (!rules.along_walls || !slides) return;
           if (const auto way = way_along(ground, held, foot, feet[c].direction, wished / kStripShare))
             room[c] = std::max(*way * kStripShare / feet[c].stretch, kRayStart * feet[c].size);
           return;
         }
         const Vec3 from = foot + feet[c].direction * (kRayStart * feet[c].size);
-        const double limit = wished / kGapShare;
-        if (const auto gap = way_to_opposite_wall(from, feet[c], limit, ground.surface(), locator))
-          room[c] = std::max(*gap * kGapShare / feet[c].stretch, kRayStart * feet[c].size);
+        const Surface& surface = ground.surface();
+        const auto opposite = hit_on_opposite_wall(from, feet[c], wished / least_share, surface, locator);
+        if (!opposite) return;
+        const double share = rules.gap_share[surface.patch[opposite->triangle]];
+        room[c] = std::max(opposite->s * share / feet[c].stretch, kRayStart * feet[c].size);
       },
       256);
   return room;

@@ -39,14 +39,16 @@ struct Foot {
 std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns, const Ground& ground,
                           const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes);
 
-// Room for columns that slide along a bare wall.
-enum class Strips {
-  AsLongAsWished,  // columns of a few sizes find their end as they grow
-  Measured,  // a share of the way to the far end of the wall: thick columns would drive all its quads against it
+// What counts as room.
+struct RoomRules {
+  // Along a bare wall that columns slide on. Not measured: columns of a few sizes find its end as they grow. Measured: a share of the way to
+  // its far end, since thick columns would drive all its quads against that.
+  bool along_walls = false;
+  IdMap<PatchId, double> gap_share;  // of the way to an opposite wall, by that wall's patch
 };
 // For each foot the thickness (normal to the wall) that there is room for: a share of the gap in front of the wall, as far as the laws ask.
 std::vector<double> room_at(const HexMesh& mesh, const Columns& columns, const std::vector<Foot>& feet, const std::vector<ColumnLaw>& laws,
-                            const Ground& ground, const Locator& locator, Strips strips);
+                            const Ground& ground, const Locator& locator, const RoomRules& rules);
 
 // Pairs of columns that an edge of the wall joins, once each.
 std::vector<std::array<std::int32_t, 2>> columns_beside(const HexMesh& mesh, const std::vector<FacetIndex>& wall, const Columns& columns);
