@@ -216,16 +216,18 @@ std::int64_t free_round(HexMesh& mesh, const IdMap<VertexId, std::uint8_t>& mark
   return features;
 }
 
-// Whether the vertex stands on a crease that turns by little, or on a corner that would be no more than a bend without such; and on no border
-// of a patch.
+// Whether the vertex stands on a crease that turns by little, on a corner that would be no more than a bend without such, or on one where
+// no charts meet, as creases that end inside a chart make them; and on no border of a patch.
 bool is_on_faint_feature(const Attachment& at, const Features& features) {
   const auto is_inside = [&](CurveId c) { return is_inside_patch(features, features.curves[c]); };
   const auto is_faint = [&](CurveId c) { return turns_little(features.curves[c]); };
+  const auto parts_nothing = [&](CurveId c) { return features.curves[c].left == features.curves[c].right; };
   if (at.hold == Hold::Curve) return is_inside(CurveId(at.of)) && is_faint(CurveId(at.of));
   if (at.hold != Hold::Corner) return false;
   const std::vector<CurveId>& curves = features.corners[CornerId(at.of)].curves;
+  if (curves.empty() || !std::all_of(curves.begin(), curves.end(), is_inside)) return false;
   const auto faint = std::count_if(curves.begin(), curves.end(), is_faint), others = std::ssize(curves) - faint;
-  return faint > 0 && others <= 2 && std::all_of(curves.begin(), curves.end(), is_inside);
+  return (faint > 0 && others <= 2) || std::all_of(curves.begin(), curves.end(), parts_nothing);
 }
 
 std::vector<HexId> hexes_below(const HexMesh& mesh, double jacobian) {
