@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/base/memory.h"
+
 namespace strata {
 namespace {
 
@@ -28,6 +30,7 @@ Context::Context(const std::atomic<bool>* cancel, ProgressSink on_progress, Adju
 
 void Context::begin(Stage stage) {
   end();
+  return_free_memory();
   checkpoint();
   open_ = true;
   started_ = std::chrono::steady_clock::now();

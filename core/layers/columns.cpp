@@ -35,7 +35,7 @@ std::int32_t Columns::find(VertexId v) const {
   return at != bottom.end() && *at == v ? static_cast<std::int32_t>(at - bottom.begin()) : -1;
 }
 
-Columns columns_of_sheet(const HexMesh& mesh, HexId first, std::size_t count, HexId first_sheet_hex) {
+Columns columns_of_sheet(const HexMesh& mesh, HexId first, std::size_t count) {
   IdMap<VertexId, VertexId> top(mesh.position.size());
   for (std::size_t k = 0; k < count; ++k) {
     const HexVertices& hex = mesh.hexes[HexId(first.index() + k)];
@@ -44,7 +44,7 @@ Columns columns_of_sheet(const HexMesh& mesh, HexId first, std::size_t count, He
   // A sheet spreads through later sheets only, one strip of hexes at a time.
   for (bool grown = true; grown;) {
     grown = false;
-    for (std::size_t h = first_sheet_hex.index(); h < mesh.hexes.size(); ++h) {
+    for (std::size_t h = first.index() + count; h < mesh.hexes.size(); ++h) {
       const HexVertices& hex = mesh.hexes[HexId(h)];
       for (std::size_t axis = 0; axis < 3; ++axis) {
         int up = 0, down = 0;

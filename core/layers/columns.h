@@ -17,8 +17,8 @@ struct Columns {
 };
 
 // All columns of the sheet whose first hexes were `first` .. `first + count - 1` (column edges 0-4, 1-5, 2-6, 3-7), as they are after
-// later sheets: these may have copied columns into hexes of their own, from `first_sheet_hex` on.
-Columns columns_of_sheet(const HexMesh& mesh, HexId first, std::size_t count, HexId first_sheet_hex);
+// later sheets: these may have copied columns into hexes of their own, which come after.
+Columns columns_of_sheet(const HexMesh& mesh, HexId first, std::size_t count);
 
 // Columns of a sheet that are to run out to nothing: those on `bottoms` (sorted).
 struct Vanishing {

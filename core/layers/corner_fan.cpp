@@ -11,7 +11,7 @@ namespace {
 std::size_t corner_at(const QuadVertices& q, VertexId v) { return static_cast<std::size_t>(std::find(q.begin(), q.end(), v) - q.begin()); }
 
 // From the facet on, across the edge that leaves the vertex, until the facet comes again. Nothing: the wall is not closed there.
-CornerFan fan_from(const HexMesh& mesh, const Facets& facets, FacetIndex first, VertexId v) {
+CornerFan fan_from(const HexMesh& mesh, const JoinedFacets& facets, FacetIndex first, VertexId v) {
   constexpr int kMost = 64;
   CornerFan fan;
   fan.vertex = v;
@@ -95,7 +95,7 @@ double crossing_quality(const CornerFan& fan, const Run& a, const Run& b) {
 
 }  // namespace
 
-std::vector<CornerFan> corner_fans(const HexMesh& mesh, const Facets& facets) {
+std::vector<CornerFan> corner_fans(const HexMesh& mesh, const JoinedFacets& facets) {
   std::vector<CornerFan> fans;
   IdMap<VertexId, std::vector<FacetIndex>> seen(mesh.position.size());
   for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {

@@ -20,7 +20,7 @@ struct CornerFan {
 };
 
 // Of all vertices that are held by corners; one for each side of the surface that hexes are on.
-std::vector<CornerFan> corner_fans(const HexMesh& mesh, const Facets& facets);
+std::vector<CornerFan> corner_fans(const HexMesh& mesh, const JoinedFacets& facets);
 
 // Estimates the smallest scaled Jacobian at the corner once the layers are in: `group` of each facet, all with layers. Where groups cross, the
 // edges of the hex there are those the groups meet at, and the columns that slide on the other group's surface (dossier 7.3: g, gh, ghk).

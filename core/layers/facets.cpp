@@ -39,17 +39,14 @@ double angle_between(const Vec3& axis, const Vec3& u, const Vec3& v) {
 
 }  // namespace
 
-Facets::Facets(const HexMesh& mesh, const std::vector<QuadId>& bare)
-    : mesh_(&mesh),
-      bare_(bare),
-      sides_(quad_sides(mesh)),
+Facets::Facets(const HexMesh& mesh, const std::vector<QuadId>& bare) : mesh_(&mesh), bare_(bare), sides_(quad_sides(mesh)) {}
+
+JoinedFacets::JoinedFacets(const HexMesh& mesh, const std::vector<QuadId>& bare)
+    : Facets(mesh, bare),
       neighbours_(face_neighbours(mesh)),
       facet_at_(mesh.hexes.size(), {kNoFacet, kNoFacet, kNoFacet, kNoFacet, kNoFacet, kNoFacet}) {
-  for (QuadId q : mesh.quads.ids()) {
-    const QuadSides& s = sides_[q];
-    if (s.back.valid()) facet_at_[s.back][static_cast<std::size_t>(s.back_face)] = facet_of(q, FacetSide::Back);
-    if (s.front.valid()) facet_at_[s.front][static_cast<std::size_t>(s.front_face)] = facet_of(q, FacetSide::Front);
-  }
+  for (FacetIndex f = 0; f < static_cast<FacetIndex>(slots()); ++f)
+    if (const FaceNeighbour at = hex_face(f); at.hex.valid()) facet_at_[at.hex][static_cast<std::size_t>(at.face)] = f;
 }
 
 FaceNeighbour Facets::hex_face(FacetIndex facet) const {
@@ -62,7 +59,7 @@ QuadVertices Facets::vertices(FacetIndex facet) const {
   return face_vertices(mesh_->hexes[at.hex], at.face);
 }
 
-FacetNeighbour Facets::neighbour(FacetIndex facet, int edge) const {
+FacetNeighbour JoinedFacets::neighbour(FacetIndex facet, int edge) const {
   FaceNeighbour at = hex_face(facet);
   const QuadVertices q = vertices(facet);
   const VertexId a = q[static_cast<std::size_t>(edge)], b = q[static_cast<std::size_t>((edge + 1) & 3)];

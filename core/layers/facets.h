@@ -27,12 +27,6 @@ inline FacetIndex facet_of(QuadId quad, FacetSide side) { return quad.value * 2 
 inline QuadId quad_of(FacetIndex facet) { return QuadId(facet / 2); }
 inline FacetSide side_of(FacetIndex facet) { return static_cast<FacetSide>(facet & 1); }
 
-// Across an edge of a facet, turning through the hexes of its region.
-struct FacetNeighbour {
-  FacetIndex facet = kNoFacet;
-  double angle = 0;   // interior dihedral angle of the mesh there, radians
-};
-
 class Facets {
  public:
   // Quads in `bare` (ascending) belong to no front.
@@ -48,13 +42,30 @@ class Facets {
   }
   // Counter-clockwise seen from outside the hex.
   [[nodiscard]] QuadVertices vertices(FacetIndex facet) const;
+
+ protected:
+  const HexMesh* mesh_;
+
+ private:
+  std::vector<QuadId> bare_;
+  IdMap<QuadId, QuadSides> sides_;
+};
+
+// Across an edge of a facet, turning through the hexes of its region.
+struct FacetNeighbour {
+  FacetIndex facet = kNoFacet;
+  double angle = 0;   // interior dihedral angle of the mesh there, radians
+};
+
+// Facets that know each other; dear for what it needs of all hexes.
+class JoinedFacets : public Facets {
+ public:
+  explicit JoinedFacets(const HexMesh& mesh, const std::vector<QuadId>& bare = {});
+
   // Across the edge from vertices(facet)[edge] to the next.
   [[nodiscard]] FacetNeighbour neighbour(FacetIndex facet, int edge) const;
 
  private:
-  const HexMesh* mesh_;
-  std::vector<QuadId> bare_;
-  IdMap<QuadId, QuadSides> sides_;
   FaceNeighbours neighbours_;
   IdMap<HexId, std::array<FacetIndex, 6>> facet_at_;
 };

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/base/context.h"
+#include "core/base/memory.h"
 #include "core/layers/band.h"
 #include "core/layers/border_row.h"
 #include "core/layers/facets.h"
@@ -124,7 +125,8 @@ std::vector<FrontIndex> fronts_near(const HexMesh& mesh, const LayerPlan& plan, 
 Attempt attempt(HexMesh mesh, const LayerRequest& request, const PlanLessons& lessons, std::size_t allowed, Context& context) {
   const Ground& ground = request.ground;
   const auto plan = [&] {
-    return plan_layers(mesh, Facets(mesh, lessons.bare), request.entries, request.wishes, ground.surface(), ground.features(), lessons);
+    return plan_layers(mesh, JoinedFacets(mesh, lessons.bare), request.entries, request.wishes, ground.surface(), ground.features(),
+                       lessons);
   };
   LayerPlan planned = plan();
   bool rows_added = false;
@@ -153,6 +155,7 @@ Attempt attempt(HexMesh mesh, const LayerRequest& request, const PlanLessons& le
   grower.collapse_wedges();
   grower.inflate();
   context.progress(0.85, static_cast<std::int64_t>(grower.mesh.hexes.size()));
+  return_free_memory();  // the cut mesh is the largest thing of all
   grower.cut();
   result.mesh = std::move(grower.mesh);
   result.plan = std::move(grower.plan);

@@ -147,7 +147,6 @@ bool Grower::insert(std::int32_t group) {
       if (const VertexId copy = inserted.sheet.inner_copy[wedge[i]]; copy.valid()) wedge.push_back(copy);
     std::sort(wedge.begin(), wedge.end());
   }
-  if (!first_sheet_hex_.valid()) first_sheet_hex_ = inserted.sheet.first_hex;
   GroupSheet& fresh = sheets_.emplace_back();
   fresh.group = group;
   fresh.first = inserted.sheet.first_hex;
@@ -270,8 +269,7 @@ bool Grower::give_up_layers(const GroupSheet& sheet) {
 }
 
 void Grower::open() {
-  for (std::size_t s = 0; s < sheets_.size(); ++s)
-    sheets_[s].growing.columns = columns_of_sheet(mesh, sheets_[s].first, sheets_[s].count, first_sheet_hex_);
+  for (std::size_t s = 0; s < sheets_.size(); ++s) sheets_[s].growing.columns = columns_of_sheet(mesh, sheets_[s].first, sheets_[s].count);
   for (; opened_ < sheets_.size(); ++opened_) {
     GroupSheet& sheet = sheets_[opened_];
     measure_feet(sheet);
@@ -283,7 +281,7 @@ void Grower::open() {
 }
 
 void Grower::collapse_wedges() {
-  for (GroupSheet& s : sheets_) s.growing.columns = columns_of_sheet(mesh, s.first, s.count, first_sheet_hex_);
+  for (GroupSheet& s : sheets_) s.growing.columns = columns_of_sheet(mesh, s.first, s.count);
   std::vector<Vanishing> vanishing;
   for (const GroupSheet& s : sheets_)
     vanishing.push_back({&s.growing.columns, &plan.groups[static_cast<std::size_t>(s.group)].wedge_vertices});

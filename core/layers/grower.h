@@ -84,7 +84,6 @@ class Grower {
   bool thick_;                         // layers far thicker than the walls' quads are wide
   double slope_;                       // largest change of thickness per unit length along the wall
   std::size_t opened_ = 0;             // sheets before it are open
-  HexId first_sheet_hex_;
   // Four columns of a sheet that are to be cut at the same fractions.
   struct Alike {
     std::int32_t sheet = -1;

@@ -54,7 +54,7 @@ struct DisjointSets {
 
 struct Planner {
   const HexMesh& mesh;
-  const Facets& facets;
+  const JoinedFacets& facets;
   const std::vector<LayerSpec>& entries;
   const IdMap<PatchId, PatchWish>& wishes;
   const Surface& surface;
@@ -451,7 +451,7 @@ Meeting meeting_with_bare(Ending asked, double angle) {
   return angle <= kImprintBest ? Meeting::Imprint : Meeting::Wedge;
 }
 
-LayerPlan plan_layers(const HexMesh& mesh, const Facets& facets, const std::vector<LayerSpec>& entries,
+LayerPlan plan_layers(const HexMesh& mesh, const JoinedFacets& facets, const std::vector<LayerSpec>& entries,
                       const IdMap<PatchId, PatchWish>& wishes, const Surface& surface, const Features& features,
                       const PlanLessons& lessons) {
   Planner planner{mesh, facets, entries, wishes, surface, features, lessons, {}, {}, {}, {}};

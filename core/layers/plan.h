@@ -56,7 +56,7 @@ struct PlanLessons {
   std::vector<std::pair<FrontIndex, FrontIndex>> joined;     // fronts that must be in one group: their crossing could not be made valid
 };
 
-LayerPlan plan_layers(const HexMesh& mesh, const Facets& facets, const std::vector<LayerSpec>& entries,
+LayerPlan plan_layers(const HexMesh& mesh, const JoinedFacets& facets, const std::vector<LayerSpec>& entries,
                       const IdMap<PatchId, PatchWish>& wishes, const Surface& surface, const Features& features,
                       const PlanLessons& lessons);
 

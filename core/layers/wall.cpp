@@ -80,6 +80,14 @@ struct Spoke {
   std::size_t corner;
 };
 
+// A corner of the wall at a column's foot; ordered by column, then facet, then corner.
+struct At {
+  std::int32_t column;
+  FacetIndex facet;
+  std::int32_t corner;
+  friend auto operator<=>(const At&, const At&) = default;
+};
+
 // The direction of a column that slides on a chart: in its plane, seen well from the facets and from the strips beside, which lie in the
 // plane too and end at the border edges of the wall.
 Vec3 along_chart(const HexMesh& mesh, VertexId foot, const Vec3& chart_normal, const Vec3& wished, const std::vector<Vec3>& normals,
@@ -106,62 +114,63 @@ std::vector<Foot> feet_of(const HexMesh& mesh, const std::vector<FacetIndex>& wa
                           const std::vector<LayerSpec>& entries, const IdMap<PatchId, PatchWish>& wishes) {
   const std::size_t count = columns.size();
   std::vector<Foot> feet(count);
-  struct At {
-    std::int32_t column;
-    FacetIndex facet;
-    std::int32_t corner;
-  };
   std::vector<At> at;
   for (FacetIndex f : wall)
     for (std::size_t i = 0; i < 4; ++i)
       if (const std::int32_t c = columns.find(mesh.quads[quad_of(f)][i]); c >= 0) at.push_back({c, f, static_cast<std::int32_t>(i)});
-  std::sort(at.begin(), at.end(), [](const At& a, const At& b) { return a.column != b.column ? a.column < b.column : a.facet < b.facet; });
-  std::vector<Vec3> normals;
-  std::vector<Spoke> spokes;
-  for (std::size_t i = 0; i < at.size();) {
-    const auto c = static_cast<std::size_t>(at[i].column);
-    Foot& foot = feet[c];
-    normals.clear();
-    spokes.clear();
-    double log_height = 0, growth = 0;
-    int laws = 0, relatives = 0, edges = 0;
-    std::size_t j = i;
-    for (; j < at.size() && at[j].column == at[i].column; ++j) {
-      const QuadVertices& q = mesh.quads[quad_of(at[j].facet)];
-      const auto k = static_cast<std::size_t>(at[j].corner);
-      if (const Vec3 n = inward_normal(mesh, at[j].facet, k); n.squaredNorm() > 0) normals.push_back(n);
-      for (const std::size_t e : {(k + 1) & 3, (k + 3) & 3}) spokes.push_back({q[e], at[j].facet, k});
-      // All four edges: a strip quad's short side alone would mislead.
-      for (std::size_t e = 0; e < 4; ++e, ++edges) foot.size += (mesh.position[q[e]] - mesh.position[q[(e + 1) & 3]]).norm();
-      const PatchWish& wish = wishes[mesh.patch[quad_of(at[j].facet)]];
-      if (wish.entry < 0) continue;
-      foot.front = front_of(mesh.chart[quad_of(at[j].facet)], side_of(at[j].facet));
-      const bool relative = entries[static_cast<std::size_t>(wish.entry)].relative;
-      log_height += std::log(wish.law.first_height);
-      growth += wish.law.growth;
-      relatives += relative, ++laws;
+  parallel_sort(at.begin(), at.end());
+  std::vector<std::size_t> first;   // of each column that stands on the wall
+  for (std::size_t i = 0; i < at.size(); ++i)
+    if (i == 0 || at[i].column != at[i - 1].column) first.push_back(i);
+  const std::size_t standing = first.size();
+  first.push_back(at.size());
+  parallel_blocks(standing, [&](std::size_t begin, std::size_t end) {
+    std::vector<Vec3> normals;
+    std::vector<Spoke> spokes;
+    for (std::size_t s = begin; s < end; ++s) {
+      const std::size_t i = first[s];
+      const auto c = static_cast<std::size_t>(at[i].column);
+      Foot& foot = feet[c];
+      normals.clear();
+      spokes.clear();
+      double log_height = 0, growth = 0;
+      int laws = 0, relatives = 0, edges = 0;
+      for (std::size_t j = i; j < first[s + 1]; ++j) {
+        const QuadVertices& q = mesh.quads[quad_of(at[j].facet)];
+        const auto k = static_cast<std::size_t>(at[j].corner);
+        if (const Vec3 n = inward_normal(mesh, at[j].facet, k); n.squaredNorm() > 0) normals.push_back(n);
+        for (const std::size_t e : {(k + 1) & 3, (k + 3) & 3}) spokes.push_back({q[e], at[j].facet, k});
+        // All four edges: a strip quad's short side alone would mislead.
+        for (std::size_t e = 0; e < 4; ++e, ++edges) foot.size += (mesh.position[q[e]] - mesh.position[q[(e + 1) & 3]]).norm();
+        const PatchWish& wish = wishes[mesh.patch[quad_of(at[j].facet)]];
+        if (wish.entry < 0) continue;
+        foot.front = front_of(mesh.chart[quad_of(at[j].facet)], side_of(at[j].facet));
+        const bool relative = entries[static_cast<std::size_t>(wish.entry)].relative;
+        log_height += std::log(wish.law.first_height);
+        growth += wish.law.growth;
+        relatives += relative, ++laws;
+      }
+      foot.size /= std::max(edges, 1);
+      if (laws > 0) {
+        // Geometric mean where patches meet; relative heights are in units of the size.
+        foot.first_height = std::exp((log_height + relatives * std::log(foot.size)) / laws);
+        foot.growth = growth / laws;
+      }
+      foot.direction = most_visible(normals);
+      const Foothold own = ground.project({Hold::Chart, mesh.chart[quad_of(at[i].facet)].value}, mesh.position[columns.bottom[c]]);
+      foot.own_sense = own.direction.dot(foot.direction) > 0 ? 1 : -1;
+      for (const Vec3& n : normals) foot.normal += n / static_cast<double>(normals.size());
+      const Attachment& held = mesh.attachment[columns.top[c]];
+      if (held.hold == Hold::Chart || held.hold == Hold::Curve) {
+        const Vec3 d = ground.project(held, mesh.position[columns.bottom[c]]).direction;
+        const Vec3 along = held.hold == Hold::Chart ? along_chart(mesh, columns.bottom[c], d, foot.direction, normals, spokes)
+                                                    : Vec3(d * d.dot(foot.direction));
+        if (along.norm() > 0) foot.direction = along.normalized();
+      }
+      const double cosine = normals.empty() ? 1 : foot.normal.dot(foot.direction);
+      foot.stretch = 1 / std::max(cosine, 1 / kMostStretch);
     }
-    foot.size /= std::max(edges, 1);
-    if (laws > 0) {
-      // Geometric mean where patches meet; relative heights are in units of the size.
-      foot.first_height = std::exp((log_height + relatives * std::log(foot.size)) / laws);
-      foot.growth = growth / laws;
-    }
-    foot.direction = most_visible(normals);
-    const Foothold own = ground.project({Hold::Chart, mesh.chart[quad_of(at[i].facet)].value}, mesh.position[columns.bottom[c]]);
-    foot.own_sense = own.direction.dot(foot.direction) > 0 ? 1 : -1;
-    for (const Vec3& n : normals) foot.normal += n / static_cast<double>(normals.size());
-    const Attachment& held = mesh.attachment[columns.top[c]];
-    if (held.hold == Hold::Chart || held.hold == Hold::Curve) {
-      const Vec3 d = ground.project(held, mesh.position[columns.bottom[c]]).direction;
-      const Vec3 along = held.hold == Hold::Chart ? along_chart(mesh, columns.bottom[c], d, foot.direction, normals, spokes)
-                                                  : Vec3(d * d.dot(foot.direction));
-      if (along.norm() > 0) foot.direction = along.normalized();
-    }
-    const double cosine = normals.empty() ? 1 : foot.normal.dot(foot.direction);
-    foot.stretch = 1 / std::max(cosine, 1 / kMostStretch);
-    i = j;
-  }
+  });
   return feet;
 }
 

@@ -8,19 +8,23 @@
 namespace strata {
 namespace {
 
-template <class Element, class Rows>
-VertexStars<Element> stars(std::size_t vertex_count, const Rows& rows) {
+// The rows of vertices that are not wanted stay empty.
+template <class Element, class Rows, class Wanted>
+VertexStars<Element> stars(std::size_t vertex_count, const Rows& rows, const Wanted& wanted) {
   VertexStars<Element> result;
   result.offset.assign(vertex_count + 1, 0);
   for (const auto& row : rows)
-    for (VertexId v : row) ++result.offset[v.index() + 1];
+    for (VertexId v : row)
+      if (wanted(v)) ++result.offset[v.index() + 1];
   for (std::size_t v = 0; v < vertex_count; ++v) result.offset[v + 1] += result.offset[v];
   result.elements.resize(static_cast<std::size_t>(result.offset.back()));
   std::vector<std::int64_t> next(result.offset.begin(), result.offset.end() - 1);
   for (Element e : rows.ids())
-    for (VertexId v : rows[e]) result.elements[static_cast<std::size_t>(next[v.index()]++)] = e;
+    for (VertexId v : rows[e])
+      if (wanted(v)) result.elements[static_cast<std::size_t>(next[v.index()]++)] = e;
   return result;
 }
+constexpr auto kAll = [](VertexId) { return true; };
 
 [[noreturn]] void throw_broken(const char* what) {
   Diagnostic diagnostic;
@@ -44,8 +48,8 @@ bool same_turn(const QuadVertices& a, const QuadVertices& b) {
 
 }  // namespace
 
-VertexStars<HexId> hexes_round_vertices(const HexMesh& mesh) { return stars<HexId>(mesh.position.size(), mesh.hexes); }
-VertexStars<QuadId> quads_round_vertices(const HexMesh& mesh) { return stars<QuadId>(mesh.position.size(), mesh.quads); }
+VertexStars<HexId> hexes_round_vertices(const HexMesh& mesh) { return stars<HexId>(mesh.position.size(), mesh.hexes, kAll); }
+VertexStars<QuadId> quads_round_vertices(const HexMesh& mesh) { return stars<QuadId>(mesh.position.size(), mesh.quads, kAll); }
 
 FaceNeighbours face_neighbours(const HexMesh& mesh) {
   // Faces are bucketed by their smallest vertex: a bucket is small, so matching needs no hash and no global sort.
@@ -92,15 +96,19 @@ FaceNeighbours face_neighbours(const HexMesh& mesh) {
 }
 
 IdMap<QuadId, QuadSides> quad_sides(const HexMesh& mesh) {
-  const VertexStars<HexId> star = hexes_round_vertices(mesh);
+  IdMap<VertexId, std::uint8_t> begins_quad(mesh.position.size(), 0);
+  for (const QuadVertices& quad : mesh.quads) begins_quad[quad[0]] = 1;
+  const auto star = stars<HexId>(mesh.position.size(), mesh.hexes, [&](VertexId v) { return begins_quad[v] != 0; });
   IdMap<QuadId, QuadSides> result(mesh.quads.size());
   parallel_for(mesh.quads.size(), [&](std::size_t i) {
     const QuadId q(i);
     const QuadVertices& quad = mesh.quads[q];
     const SortedQuad key = sorted(quad);
-    for (HexId h : star.of(quad[0]))
+    for (HexId h : star.of(quad[0])) {
+      const HexVertices& hex = mesh.hexes[h];
+      if (std::find(hex.begin(), hex.end(), quad[2]) == hex.end()) continue;
       for (int f = 0; f < 6; ++f) {
-        const QuadVertices face = face_vertices(mesh.hexes[h], f);
+        const QuadVertices face = face_vertices(hex, f);
         if (sorted(face) != key) continue;
         if (same_turn(quad, face)) {
           result[q].back = h;
@@ -110,6 +118,7 @@ IdMap<QuadId, QuadSides> quad_sides(const HexMesh& mesh) {
           result[q].front_face = static_cast<std::int8_t>(f);
         }
       }
+    }
   });
   return result;
 }

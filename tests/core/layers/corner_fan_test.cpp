@@ -14,7 +14,7 @@ namespace {
 CornerFan only_fan(HexMesh mesh, const Vec3& at) {
   for (VertexId v : mesh.position.ids())
     if ((mesh.position[v] - at).norm() < 1e-12) mesh.attachment[v] = {Hold::Corner, 0};
-  const std::vector<CornerFan> fans = corner_fans(mesh, Facets(mesh));
+  const std::vector<CornerFan> fans = corner_fans(mesh, JoinedFacets(mesh));
   EXPECT_EQ(fans.size(), 1U);
   return fans.empty() ? CornerFan{} : fans.front();
 }

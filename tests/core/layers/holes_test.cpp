@@ -71,7 +71,9 @@ TEST_P(LeftOut, StaysBareAndTheLayersEndRoundIt) {
   const Locator locator(scene->surface);
   const LayerRequest request{layers, wishes, scene->ground, locator, 6, 0.3};
   HexMesh mesh = with->mesh;
-  const auto plan = [&] { return plan_layers(mesh, Facets(mesh, lessons.bare), layers, wishes, scene->surface, scene->features, lessons); };
+  const auto plan = [&] {
+    return plan_layers(mesh, JoinedFacets(mesh, lessons.bare), layers, wishes, scene->surface, scene->features, lessons);
+  };
   for (const std::vector<FrontIndex>& fronts : plan().want_row) {
     auto with_row = add_border_row(mesh, fronts, scene->ground, scene->context);
     ASSERT_TRUE(with_row);

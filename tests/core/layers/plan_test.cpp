@@ -39,7 +39,7 @@ TEST(Meeting, WithABarePatchImprintsSharpAnglesAndWedgesFlatOnes) {
 
 TEST(Facets, AnglesOfACubeAreRight) {
   const auto scene = cube_scene(2);
-  const Facets facets(scene->mesh);
+  const JoinedFacets facets(scene->mesh);
   for (FacetIndex f = 0; f < static_cast<FacetIndex>(facets.slots()); ++f) {
     if (!facets.exists(f)) continue;
     for (int e = 0; e < 4; ++e) {
@@ -51,7 +51,7 @@ TEST(Facets, AnglesOfACubeAreRight) {
 }
 
 LayerPlan plan(const LayerScene& scene, const std::vector<LayerSpec>& layers) {
-  return plan_layers(scene.mesh, Facets(scene.mesh), layers, match_patches(layers, scene.surface.patch_names), scene.surface,
+  return plan_layers(scene.mesh, JoinedFacets(scene.mesh), layers, match_patches(layers, scene.surface.patch_names), scene.surface,
                      scene.features, {});
 }
 
