@@ -95,6 +95,11 @@ Inflation::Inflation(const HexMesh& mesh, const std::vector<GrowingSheet>& sheet
   for (const Goal& goal : goals_) movers_.push_back(goal.top);
   for (VertexId v : wall_.carried()) role_[v] = Role::Driven, movers_.push_back(v);
   movers_.insert(movers_.end(), spread_.carried().begin(), spread_.carried().end());
+  IdMap<HexId, std::uint8_t> touched(mesh.hexes.size(), 0);
+  for (VertexId v : movers_)
+    for (HexId h : stars_.of(v)) touched[h] = 1;
+  for (HexId h : touched.ids())
+    if (touched[h] != 0) round_movers_.push_back(h);
   IdMap<VertexId, std::uint8_t> may_move = sliding_ends(mesh, sheets);
   for (VertexId v : spread_.carried()) may_move[v] = 1;
   neighbours_.choose(mesh, may_move);
@@ -163,11 +168,7 @@ HexMesh Inflation::move_safely(HexMesh mesh, const std::vector<GrowingSheet>& sh
   const double floor = step.floor;
   const IdMap<VertexId, Vec3> from = mesh.position;
   IdMap<HexId, std::uint8_t> dirty(mesh.hexes.size(), 0);
-  for (VertexId v : movers_)
-    for (HexId h : stars_.of(v)) dirty[h] = 1;
-  std::vector<HexId> check;
-  for (HexId h : mesh.hexes.ids())
-    if (dirty[h]) check.push_back(h);
+  std::vector<HexId> check = round_movers_;
   // What a hex was worth before is asked only of those that have become poor.
   const auto has_become_worse = [&](HexId h) {
     const double now = guard_.quality(mesh, sheets, h);

@@ -79,6 +79,7 @@ class Inflation {
   Spread spread_;
   Spread wall_;  // along the walls: the ends of strips push the feet of columns before them
   std::vector<VertexId> movers_;  // goals and carried
+  std::vector<HexId> round_movers_;
 };
 
 // Height of a column normal to the wall, as it is.
