@@ -16,6 +16,7 @@
 #include "core/fit/retreat.h"
 #include "core/ladder.h"
 #include "core/octree/octree.h"
+#include "core/quality/contacts.h"
 #include "core/quality/quality.h"
 #include "core/surface/locator.h"
 #include "core/wishes.h"
@@ -87,6 +88,7 @@ struct Fitted {
   HexMesh mesh;
   std::unique_ptr<const MergedGround> merged;
   Shortfall shortfall;
+  bool touched_itself = false;
 };
 
 // What the stages from the fit on share.
@@ -154,6 +156,7 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
       tell_quality(Stage::FitToSmooth, smooth, run.surface, run.observer, run.context);
       fitted = fit_features_or_throw(smooth, run.ground, run.rung, shortfall, run.context);
       require(fitted.mesh);
+      fitted.touched_itself = !find_contacts(fitted.mesh).empty();
       fitted.mesh = take_off_itself(std::move(fitted.mesh), run.context);
       require_in_input(fitted.mesh, run.surface.frame);
       tell_quality(Stage::FitToFeatures, fitted.mesh, run.surface, run.observer, run.context);
@@ -195,6 +198,7 @@ FittedMesh attempt(const Asked& asked, Carved carved, bool thin_places) {
   result.mesh = std::move(fitted.mesh);
   result.merged = std::move(fitted.merged);
   result.shortfall = std::move(fitted.shortfall);
+  result.touched_itself = fitted.touched_itself;
   result.adjustments = context.take_held_adjustments();
   return result;
 }
@@ -222,6 +226,7 @@ std::optional<FittedMesh> attempt_again(const Asked& asked, const SizeField& siz
 
 bool is_better(const FittedMesh& a, const FittedMesh& b) {
   if ((a.rung > Rung::FeaturesSoftened) != (b.rung > Rung::FeaturesSoftened)) return a.rung < b.rung;
+  if (a.touched_itself && !b.touched_itself) return false;
   return is_better(a.merit, b.merit);
 }
 

@@ -33,6 +33,7 @@ struct FittedMesh {
   std::unique_ptr<const MergedGround> merged;  // null: none of its charts became one
   Rung rung = Rung::Full;
   Shortfall shortfall;
+  bool touched_itself = false;  // the skin did, and was drawn in there: layers have no room between
   Merit merit;
   std::vector<Diagnostic> adjustments;
   [[nodiscard]] const Surface& skin(const Surface& whole) const { return part ? *part : whole; }
