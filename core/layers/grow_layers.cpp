@@ -202,17 +202,17 @@ void join_at_holes(const HexMesh& mesh, const LayerPlan& plan, PlanLessons& less
       }
 }
 
-// Where few hexes are bad, the wall under them is left out: the lessons name the quads, and the mesh gets rows for wedges round them.
-// False: nothing changed.
-bool leave_out(const HexMesh& whole, const std::vector<Vec3>& places, const LayerRequest& request, PlanLessons& lessons, HexMesh& mesh,
-               Context& context) {
+// Where few hexes are bad, the wall under them is left out: the lessons name the quads, and a copy of the mesh gets rows for wedges
+// round them. False: nothing changed.
+bool leave_out(const HexMesh& whole, const std::vector<Vec3>& places, const LayerRequest& request, PlanLessons& lessons,
+               std::optional<HexMesh>& with_holes, Context& context) {
   if (places.empty() || places.size() > kMostBadPlaces) return false;
   const IdMap<QuadId, std::uint8_t> wall = wall_quads(whole, request.wishes, lessons);
   std::optional<std::vector<QuadId>> holes = widened_holes(whole, wall, lessons.bare, places);
   if (!holes) return false;
   std::optional<WithHoles> with = with_rows_round(whole, wall, std::move(*holes), request.ground, context);
   if (!with) return false;
-  mesh = std::move(with->mesh);
+  with_holes = std::move(with->mesh);
   lessons.bare = std::move(with->holes);
   return true;
 }
@@ -235,21 +235,21 @@ GrowResult grow_layers(HexMesh mesh, const std::vector<LayerSpec>& layers, const
   PlanLessons lessons;
   lessons.excluded.assign(ground.features().chart_count() * 2, 0);
   Attempt tried;
-  HexMesh start = band.mesh;
+  std::optional<HexMesh> with_holes;
   int hole_rounds = 0;
   for (int round = 0;; ++round) {
     if (round == kMostAttempts) {
       lessons.excluded.assign(lessons.excluded.size(), 1);
       lessons.bare.clear();
-      start = band.mesh;
+      with_holes.reset();
     }
-    tried = attempt(start, request, lessons, allowed, context);
+    tried = attempt(with_holes ? *with_holes : band.mesh, request, lessons, allowed, context);
     if (tried.failed.empty() || round == kMostAttempts) break;
     // Groups that cannot cross are joined; only what fails by itself is left bare.
     lessons.joined.insert(lessons.joined.end(), tried.crossed_badly.begin(), tried.crossed_badly.end());
     result.rung = std::max(result.rung, tried.crossed_badly.empty() ? LayersRung::Dropped : LayersRung::Regrouped);
     if (!tried.crossed_badly.empty()) continue;
-    if (hole_rounds < kMostHoleRounds && leave_out(band.mesh, tried.bad_places, request, lessons, start, context)) {
+    if (hole_rounds < kMostHoleRounds && leave_out(band.mesh, tried.bad_places, request, lessons, with_holes, context)) {
       join_at_holes(band.mesh, tried.plan, lessons);
       ++hole_rounds, --round;
       continue;
