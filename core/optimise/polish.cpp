@@ -81,13 +81,8 @@ OptimiseResult polish(HexMesh mesh, const OptimiseRequest& request, double goal,
   constexpr std::array<int, 4> kExponents{2, 4, 8, 12};  // SJ^-2k: later rounds look at the worst only
   std::vector<HexId> poor = hexes_under(goal, mesh);
   if (poor.empty()) return {std::move(mesh), 0, 0};
-  // Whoever may become poor while others are helped lies within the rings of those, and is helped by as many again.
-  IdMap<VertexId, std::uint8_t> seeds(mesh.position.size(), 0);
-  for (const HexId h : poor)
-    for (const VertexId v : mesh.hexes[h]) seeds[v] = 1;
-  OptimiseRequest near = request;
-  near.seeds = &seeds;
-  Workspace work(mesh, near, 2 * kRings, false);
+  // Everybody may move: from round to round, help reaches far beyond the rings of those that are poor now.
+  Workspace work(mesh, request, -1, false);
   int sweeps = 0;
   for (int round = 0; round < rounds; ++round) {
     if (round > 0) poor = hexes_under(goal, mesh);
