@@ -16,7 +16,6 @@
 #include "core/fit/retreat.h"
 #include "core/ladder.h"
 #include "core/octree/octree.h"
-#include "core/quality/contacts.h"
 #include "core/quality/quality.h"
 #include "core/surface/locator.h"
 #include "core/wishes.h"
@@ -128,7 +127,7 @@ HexMesh smooth_without_features(const HexMesh& wrapped, HexMesh smooth, const Di
   Retreat gone_back = retreat(make_staircase(wrapped, run.ground, run.context), std::move(smooth));
   HexMesh mesh = label_by_nearest(std::move(gone_back.mesh), run.ground);
   require(mesh);
-  mesh = take_off_itself(std::move(mesh), run.context);
+  mesh = take_off_itself(std::move(mesh), run.context).mesh;
   require_in_input(mesh, run.surface.frame);
   fall_to(run.rung, Rung::FitRelaxed);
   report_fall(failure, Reason::SurfaceFitRelaxed,
@@ -156,8 +155,9 @@ Fitted fit_or_fall(HexMesh carved, const Run& run) {
       tell_quality(Stage::FitToSmooth, smooth, run.surface, run.observer, run.context);
       fitted = fit_features_or_throw(smooth, run.ground, run.rung, shortfall, run.context);
       require(fitted.mesh);
-      fitted.touched_itself = !find_contacts(fitted.mesh).empty();
-      fitted.mesh = take_off_itself(std::move(fitted.mesh), run.context);
+      OffItself off_itself = take_off_itself(std::move(fitted.mesh), run.context);
+      fitted.mesh = std::move(off_itself.mesh);
+      fitted.touched_itself = off_itself.touched;
       require_in_input(fitted.mesh, run.surface.frame);
       tell_quality(Stage::FitToFeatures, fitted.mesh, run.surface, run.observer, run.context);
     });

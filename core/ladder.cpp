@@ -125,7 +125,7 @@ void report_folded(const HexMesh& mesh, Context& context) {
   context.adjusted(std::move(diagnostic));
 }
 
-HexMesh take_off_itself(HexMesh mesh, Context& context) {
+OffItself take_off_itself(HexMesh mesh, Context& context) {
   PartedContacts parted = part_contacts(std::move(mesh));
   if (parted.left > 0) require_no_contacts(parted.mesh);
   if (parted.moved > 0) {
@@ -137,7 +137,7 @@ HexMesh take_off_itself(HexMesh mesh, Context& context) {
     diagnostic.message = std::to_string(parted.moved) + " boundary vertices were drawn in, because the skin touched itself there";
     context.adjusted(std::move(diagnostic));
   }
-  return std::move(parted.mesh);
+  return {std::move(parted.mesh), parted.moved > 0};
 }
 
 }  // namespace strata

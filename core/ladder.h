@@ -29,7 +29,11 @@ void require_in_input(const HexMesh& mesh, const Frame& frame);
 void require_no_contacts(const HexMesh& mesh);
 
 // Vertices of a skin that touches itself are drawn in, and told: whoever reads such a mesh takes the place for a crack.
-HexMesh take_off_itself(HexMesh mesh, Context& context);
+struct OffItself {
+  HexMesh mesh;
+  bool touched = false;  // it was drawn in somewhere
+};
+OffItself take_off_itself(HexMesh mesh, Context& context);
 
 // Every quad takes the patch and the chart of the nearest place of the surface. The carved hexes alone are the rung `carved_dual`.
 HexMesh label_by_nearest(HexMesh mesh, const Ground& ground);

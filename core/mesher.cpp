@@ -55,7 +55,7 @@ HexMesh grow_or_drop(HexMesh mesh, const Ground& ground, const std::vector<Layer
     if (rung >= Rung::Staircase) refuse_staircase();
     GrowResult result = grow_layers(mesh, layers, ground, context);
     require(result.mesh);
-    layered = take_off_itself(std::move(result.mesh), context);
+    layered = take_off_itself(std::move(result.mesh), context).mesh;
     require_in_input(layered, ground.surface().frame);
     grown = std::move(result.patches);
     fall_to(rung, rung_of(result.rung));

@@ -45,9 +45,8 @@ bool draw_in(HexMesh& mesh, const VertexStars<HexId>& star, VertexId v, double s
 
 PartedContacts part_contacts(HexMesh mesh) {
   PartedContacts result;
-  std::vector<Contact> contacts = find_contacts(mesh, kClear);
-  if (find_contacts(mesh).empty()) contacts.clear();
-  if (!contacts.empty()) {
+  if (!find_contacts(mesh).empty()) {
+    std::vector<Contact> contacts = find_contacts(mesh, kClear);
     const VertexStars<HexId> star = hexes_round_vertices(mesh);
     std::vector<VertexId> moved;
     double share = kFirstShare;
