@@ -42,8 +42,8 @@ inline constexpr std::array<StarPattern, 8> kStarPatterns = [] {
         if (static_cast<std::size_t>(d) != c && neighbour(static_cast<std::size_t>(e), d) && neighbour(static_cast<std::size_t>(next), d))
           patterns[c].vertex[3 + k] = d;
       for (std::size_t i = 0; i < 12; ++i) {
-        const auto a = kHexEdges[i][0], b = kHexEdges[i][1];
-        if ((a == e && static_cast<std::size_t>(b) == c) || (b == e && static_cast<std::size_t>(a) == c))
+        const std::size_t a = kHexEdges[i][0], b = kHexEdges[i][1], end = static_cast<std::uint8_t>(e);
+        if ((a == end && b == c) || (b == end && a == c))
           patterns[c].axis[k] = static_cast<std::int8_t>(i / 4);
       }
     }
