@@ -43,8 +43,7 @@ inline constexpr std::array<StarPattern, 8> kStarPatterns = [] {
           patterns[c].vertex[3 + k] = d;
       for (std::size_t i = 0; i < 12; ++i) {
         const std::size_t a = kHexEdges[i][0], b = kHexEdges[i][1], end = static_cast<std::uint8_t>(e);
-        if ((a == end && b == c) || (b == end && a == c))
-          patterns[c].axis[k] = static_cast<std::int8_t>(i / 4);
+        if ((a == end && b == c) || (b == end && a == c)) patterns[c].axis[k] = static_cast<std::int8_t>(i / 4);
       }
     }
   }
