@@ -23,6 +23,8 @@ enum class Settle {
   Along,    // the ends of columns too, on their ground: they heal poor walls, and leave their exact places for now
 };
 
+inline constexpr float kAhead = 0.2F;
+
 // Moves the tops of open sheets towards their thickness. Made once for a mesh's connections.
 class Inflation {
  public:
@@ -43,7 +45,7 @@ class Inflation {
     int sweeps = 0;
     Settle settle = Settle::Around;
     double stride = std::numeric_limits<double>::infinity();  // most that a top goes, over the local size
-    float ahead = 0.2F;  // of the step, that a vertex may go further than one in the same hex
+    float ahead = kAhead;  // of the step, that a vertex may go further than one in the same hex
     bool late_only = false;  // settles only round tops that are not where they should be
   };
   struct Advanced {
