@@ -15,6 +15,7 @@
 #include "core/layers/grow_layers.h"
 #include "core/quality/quality.h"
 #include "core/sizing/size_field.h"
+#include "core/surface/axes.h"
 #include "core/surface/locator.h"
 #include "core/surface/surface.h"
 #include "core/wishes.h"
@@ -73,8 +74,7 @@ void tell_rounded(const RoundedRidges& rounded, const Frame& frame, Context& con
   Diagnostic d;
   d.reason = Reason::RidgeFilleted;
   d.severity = Severity::Warning;
-  d.box.add(frame.to_input(rounded.box.min));
-  d.box.add(frame.to_input(rounded.box.max));
+  d.box = frame.to_input(rounded.box);
   const double length = rounded.length / frame.scale, degrees = rounded.sharpest * 180 / std::numbers::pi;
   // A fillet of half the local size between two faces leaves this of their edge (dossier 5.4).
   const double short_of = 0.5 * (1 / std::sin(0.5 * rounded.sharpest) - 1);
@@ -86,6 +86,14 @@ void tell_rounded(const RoundedRidges& rounded, const Frame& frame, Context& con
                 length, degrees, short_of);
   d.message = text;
   context.adjusted(std::move(d));
+}
+
+// In a frame whose axes the cells follow best. Boxes and maps of sizes stand along the input's.
+Surface conditioned(TriangleSoup soup, const MeshSpec& wish, Context& context) {
+  Surface surface = condition(std::move(soup), context);
+  const bool is_bound = !wish.sizing.boxes.empty() || wish.sizing.background.has_value();
+  const Mat3 axes = is_bound ? Mat3(Mat3::Identity()) : best_axes(surface);
+  return turned(std::move(surface), axes);
 }
 
 void to_input_frame(HexMesh& mesh, const Frame& frame) {
@@ -127,7 +135,7 @@ Outcome generate(TriangleSoup soup, const MeshSpec& wish, Context& context, cons
   const auto triangles = static_cast<std::int64_t>(soup.triangles.size());
 
   context.begin(Stage::Condition);
-  const Surface surface = condition(std::move(soup), context);
+  const Surface surface = conditioned(std::move(soup), wish, context);
   refuse_what_check_finds(wish, surface);
   const MeshSpec spec = in_working_frame(wish, surface.frame);
 
@@ -166,7 +174,7 @@ CheckReport check_request(TriangleSoup soup, const MeshSpec& wish, Context& cont
   CheckReport report;
   try {
     report.estimate.triangles = static_cast<std::int64_t>(soup.triangles.size());
-    const Surface surface = condition(std::move(soup), context);
+    const Surface surface = conditioned(std::move(soup), wish, context);
     report.patch_names = surface.patch_names.values();
     report.findings = check(wish, report.patch_names);
     const bool usable =

@@ -64,7 +64,7 @@ MeshSpec in_working_frame(MeshSpec spec, const Frame& frame) {
 
 SizeOptions size_options(const MeshSpec& spec, const Surface& surface, const Features& features) {
   SizeOptions options;
-  const double longest = surface.box.extent().maxCoeff();
+  const double longest = surface.longest_side;
   const auto at_level = [&](std::optional<int> level, double otherwise) { return level ? std::ldexp(longest, -*level) : otherwise; };
   options.max_size = spec.sizing.max_size.value_or(at_level(spec.sizing.min_level, longest / kDefaultCellsAcross));
   options.min_size = spec.sizing.min_size.value_or(at_level(spec.sizing.max_level, 0));

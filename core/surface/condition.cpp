@@ -133,21 +133,13 @@ Draft framed(TriangleSoup& soup) {
   return draft;
 }
 
-Box to_input(const Frame& frame, const Box& box) {
-  if (box.empty()) return box;
-  Box out;
-  out.add(frame.to_input(box.min));
-  out.add(frame.to_input(box.max));
-  return out;
-}
-
 void report(Context& context, const Draft& draft, Repair repair, Reason reason, Severity severity, const std::string& what) {
   if (repair.count == 0) return;
   Diagnostic d;
   d.reason = reason;
   d.severity = severity;
   d.count = repair.count;
-  d.box = to_input(draft.frame, repair.box);
+  d.box = draft.frame.to_input(repair.box);
   d.message = std::to_string(repair.count) + " " + what;
   if (!d.box.empty()) d.message += ", near " + text(d.box.centre());
   d.values = {{"count", static_cast<double>(repair.count)}};
@@ -177,7 +169,7 @@ void repair(Draft& draft, Context& context) {
     refuse(Reason::SurfaceExtentUnusable,
            std::to_string(degenerate.count) + " of " + std::to_string(read) +
                " triangles have no area at the precision of the coordinates; move the surface nearer to the origin or write more digits",
-           to_input(draft.frame, degenerate.box), degenerate.triangles);
+           draft.frame.to_input(degenerate.box), degenerate.triangles);
   report(context, draft, std::move(degenerate), Reason::SurfaceDegenerateTriangles, Severity::Info, "triangles without area were dropped");
   Duplicates duplicates = drop_duplicates(draft);
   report(context, draft, std::move(duplicates.same), Reason::SurfaceDuplicateTriangles, Severity::Info, "repeated triangles were dropped");
@@ -281,6 +273,8 @@ Surface condition(TriangleSoup soup, Context& context) {
       }
       surface.triangles[TriangleId(t)][i] = number[p];
     }
+
+  surface.longest_side = surface.box.extent().maxCoeff();
 
   report_edges(draft, sorted_sides(draft.triangles), context);
   connect(surface);

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "core/base/parallel.h"
 #include "core/surface/draft.h"
 #include "core/surface/surface.h"
 
@@ -10,6 +11,7 @@ Surface part_of(const Surface& surface, const IdMap<TriangleId, std::uint8_t>& k
   part.patch_names = surface.patch_names;
   part.frame = surface.frame;
   part.box = surface.box;
+  part.longest_side = surface.longest_side;
   std::vector<PointId> number(surface.points.size());
   for (TriangleId t : surface.triangles.ids()) {
     if (keep[t] == 0) continue;
@@ -26,6 +28,16 @@ Surface part_of(const Surface& surface, const IdMap<TriangleId, std::uint8_t>& k
   }
   connect(part);
   return part;
+}
+
+Surface turned(Surface surface, const Mat3& axes) {
+  if (axes == Mat3::Identity()) return surface;
+  parallel_for(surface.points.size(), [&](std::size_t i) { surface.points[PointId(i)] = axes * surface.points[PointId(i)]; });
+  parallel_for(surface.normal.size(), [&](std::size_t i) { surface.normal[TriangleId(i)] = axes * surface.normal[TriangleId(i)]; });
+  surface.box = Box();
+  for (const Vec3& p : surface.points) surface.box.add(p);
+  surface.frame.turn = surface.frame.turn ? Mat3(axes * *surface.frame.turn) : axes;
+  return surface;
 }
 
 }  // namespace strata

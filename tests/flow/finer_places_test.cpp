@@ -47,7 +47,8 @@ TEST(FinerPlaces, ASecondAttemptThatGoesWrongLeavesTheFirstMesh) {
 }
 
 TEST(FinerPlaces, NothingIsRefinedWhereNothingIsLost) {
-  const Outcome outcome = testing::run(test::rotated(test::l_block(2), Vec3(1, 2, 3).normalized(), 0.4), testing::sized(0.1));
+  const Outcome outcome =
+      testing::run(test::rotated(test::l_block(2), Vec3(1, 2, 3).normalized(), 0.4), testing::along_input(testing::sized(0.1)));
   EXPECT_EQ(outcome.rung, Rung::Full);
   EXPECT_FALSE(tells(outcome, Reason::SizeRefined));
 }

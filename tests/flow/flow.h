@@ -22,6 +22,12 @@ inline MeshSpec sized(double size) {
   return spec;
 }
 
+// Cells do not turn with the part: a box of sizes, though it asks for nothing, stands along the input's axes.
+inline MeshSpec along_input(MeshSpec spec) {
+  spec.sizing.boxes.push_back({Vec3::Constant(-1), Vec3::Constant(1), 1e3});
+  return spec;
+}
+
 inline LayerSpec layers_of(std::vector<std::string> patches, int count, double first_height, Ending ending = Ending::Auto,
                            double growth = 1.2) {
   LayerSpec layer;

@@ -55,10 +55,26 @@ TEST_P(RotatedCube, IsMeshedWithItsCornersEdgesAndSides) {
   const Vec3 axis(any(random), any(random), any(random));
   const double angle = any(random);
   const TriangleSoup soup = rotated(cube(4), axis, angle);
-  const Outcome outcome = run(soup, sized(0.1));
-  expect_box(outcome, soup, unit_corners(Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix()));
+  for (const MeshSpec& spec : {sized(0.1), along_input(sized(0.1))}) {
+    const Outcome outcome = run(soup, spec);
+    expect_box(outcome, soup, unit_corners(Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix()));
+  }
 }
 INSTANTIATE_TEST_SUITE_P(Seeds, RotatedCube, ::testing::Values(1U, 2U, 3U, 4U));
+
+// Cells turn with the part.
+TEST(Flow, APartThatStandsAskewIsMeshedAsWellAsOneThatDoesNot) {
+  const Outcome upright = run(l_block(4), sized(0.1));
+  const TriangleSoup soup = rotated(l_block(4), Vec3(1, 2, 3), 0.7);
+  const Outcome askew = run(soup, sized(0.1));
+  expect_sound(askew);
+  expect_volume(askew, 3);
+  expect_patches_kept(askew, soup, kAreaTolerance);
+  EXPECT_EQ(askew.mesh.hexes.size(), upright.mesh.hexes.size());
+  EXPECT_NEAR(askew.quality.all.mean, upright.quality.all.mean, 0.01);
+  const Outcome along = run(soup, along_input(sized(0.1)));
+  EXPECT_LT(along.quality.all.mean, askew.quality.all.mean - 0.02) << "a box of sizes keeps the input's axes";
+}
 
 // About as thin as the cells, on or off the axes.
 struct Plate {
@@ -76,7 +92,7 @@ Plate plate(unsigned seed, double thickness) {
 constexpr double kPlateCell = 0.06;
 
 void expect_plate(const Plate& plate) {
-  const Outcome outcome = run(plate.soup, sized(kPlateCell));
+  const Outcome outcome = run(plate.soup, along_input(sized(kPlateCell)));
   expect_sound(outcome);
   expect_volume(outcome, volume_of(plate.soup));
   expect_patches_kept(outcome, plate.soup, kAreaTolerance);
@@ -92,7 +108,7 @@ TEST(Flow, ATurnedThinPlateIsMeshedWithItsCornersEdgesAndSides) { expect_plate(p
 class TurnedPlate : public ::testing::TestWithParam<unsigned> {};
 TEST_P(TurnedPlate, IsKeptWhole) {
   const Plate thin = plate(GetParam(), 1.4 * kPlateCell);
-  const Outcome outcome = run(thin.soup, sized(kPlateCell));
+  const Outcome outcome = run(thin.soup, along_input(sized(kPlateCell)));
   expect_sound(outcome);
   EXPECT_NEAR(meshed_volume(outcome), volume_of(thin.soup), 0.05 * volume_of(thin.soup));
 }
