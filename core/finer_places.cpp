@@ -135,8 +135,9 @@ Merit merit_of(const HexMesh& mesh, const Ground& ground, const IdMap<CurveId, s
     whole += curves[c].length;
     for (const Stretch& s : hidden[c]) lost += s.to - s.from;
   }
-  return {
-      .missed = missed_share(mesh, ground.surface()), .lost = whole > 0 ? lost / whole : 0, .worst = std::min(kEnough, worst_corner(mesh))};
+  return {.missed = missed_share(mesh, ground.surface()),
+          .lost = whole > 0 ? lost / whole : 0,
+          .worst = std::min(kEnough, worst_jacobian(mesh))};
 }
 
 bool is_better(const Merit& merit, const Merit& than) {

@@ -310,7 +310,8 @@ FittedMesh fit_mesh(const Asked& asked, const SizeField& sizes) {
   };
   SizeField finer = sizes;
   bool asks = refine(finer, best, counts);
-  bool thin_places = best.merit.misses_thin_places() && improve(sizes, true);
+  // What could not follow the surface may have been cells of a body too thin for them.
+  bool thin_places = (best.merit.misses_thin_places() || best.rung == Rung::FitRelaxed) && improve(sizes, true);
   if (thin_places) {  // finer cells alone may do better
     if (asks && improve(finer, false)) thin_places = false;
     else finer = sizes;

@@ -71,8 +71,8 @@ HexMesh settle_on_features(HexMesh mesh, const Ground& ground, Context& context)
 // is 0 unless all that failed.
 FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context);
 
-// Smallest scaled Jacobian of all corners.
-double worst_corner(const HexMesh& mesh);
+// Smallest scaled Jacobian of all hexes, corners and centres.
+double worst_jacobian(const HexMesh& mesh);
 // Hexes that are not valid, ascending.
 std::vector<HexId> bad_hexes(const HexMesh& mesh);
 

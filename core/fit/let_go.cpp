@@ -26,13 +26,9 @@ auto strength(const Features& features, CurveId c) {
   return std::make_tuple(std::abs(std::numbers::pi - curve.dihedral_mean), curve.length, c);
 }
 
-std::vector<double> corner_jacobians(const HexMesh& mesh) {
+std::vector<double> jacobians(const HexMesh& mesh) {
   std::vector<double> jacobian(mesh.hexes.size());
-  parallel_for(jacobian.size(), [&](std::size_t i) {
-    std::array<Vec3, 8> p;
-    for (std::size_t c = 0; c < 8; ++c) p[c] = mesh.position[mesh.hexes[HexId(i)][c]];
-    jacobian[i] = corner_scaled_jacobian(p);
-  });
+  parallel_for(jacobian.size(), [&](std::size_t i) { jacobian[i] = scaled_jacobian(corners_of(mesh, HexId(i))); });
   return jacobian;
 }
 
@@ -87,7 +83,7 @@ IdMap<CurveId, std::int32_t> vertices_on(const HexMesh& mesh, const Features& fe
 
 std::vector<CurveId> creases_in_the_way(const HexMesh& mesh, const Features& features, const IdMap<CurveId, std::uint8_t>& let_go,
                                         GiveWay give_way, const Goals& goals) {
-  const std::vector<double> jacobian = corner_jacobians(mesh);
+  const std::vector<double> jacobian = jacobians(mesh);
   const IdMap<CurveId, std::int32_t> held = vertices_on(mesh, features);
   Candidates candidates(mesh, features, let_go);
   IdMap<CurveId, std::int32_t> bad(features.curves.size(), 0);  // hexes that would have the curve gone

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <string>
 
 #include "core/base/context.h"
@@ -25,10 +26,13 @@ constexpr int kMargin = 2;          // rings of hexes round them that stay still
 constexpr int kPolishRounds = 3;
 constexpr double kGoal = 0.4;       // scaled Jacobian of the last polish
 constexpr int kLastRounds = 4;
-constexpr double kPoorest = 0.1;    // scaled Jacobian: for hexes below, features on them may go
-constexpr double kPoor = 0.3;       // for hexes below, faint ones may
-constexpr int kFaintRounds = 4;     // of giving those up
-constexpr std::size_t kFew = 64;    // such hexes; more are in the nature of the surface
+struct Poor {
+  double jacobian;   // scaled; hexes below are meant
+  std::size_t most;  // of them, that features may go for; more are in the nature of the surface
+};
+constexpr Poor kPoorest{0.1, 64};                      // for these features on them may go
+constexpr std::array kPoor{Poor{0.3, 64}, Poor{kGoal, 32}};  // for these faint ones may
+constexpr int kFaintRounds = 4;                        // of giving those up
 constexpr double kCalmJacobian = 0.05;
 constexpr double kOnSurface = 1e-9;  // working frame: rounding
 constexpr double kTouching = 1e-8;   // working frame: two boundary vertices so near are taken for one by whoever reads the mesh
@@ -231,47 +235,53 @@ bool is_on_faint_feature(const Attachment& at, const Features& features) {
 }
 
 std::vector<HexId> hexes_below(const HexMesh& mesh, double jacobian) {
-  return hexes_where(mesh, [&](const std::array<Vec3, 8>& corners) { return corner_scaled_jacobian(corners) < jacobian; });
+  return hexes_where(mesh, [&](const std::array<Vec3, 8>& corners) { return scaled_jacobian(corners) < jacobian; });
 }
+
+struct Freed {
+  std::int64_t features = 0;  // vertices that left their curve or corner
+  bool polished = true;  // since the last of them did
+};
 
 // Few hexes that are valid but poor cost the features at them, when fewer are so poor then and none poorer; or only the faint ones of these
 // features, when half as many are. Then what was freed is polished once more. Whether any features went.
-bool improve(HexMesh& mesh, double poor, bool faint_only, std::int64_t& features, const Ground& ground, Context& context) {
-  const std::vector<HexId> hexes = hexes_below(mesh, poor);
+bool improve(HexMesh& mesh, const Poor& poor, bool faint_only, Freed& freed, const Ground& ground, Context& context) {
+  const std::vector<HexId> hexes = hexes_below(mesh, poor.jacobian);
   IdMap<VertexId, std::uint8_t> marked = vertices_of(mesh, hexes);
   if (faint_only)
     for (VertexId v : marked.ids()) marked[v] = marked[v] != 0 && is_on_faint_feature(mesh.attachment[v], ground.features()) ? 1 : 0;
-  const bool may_free = hexes.size() < kFew && std::any_of(marked.begin(), marked.end(), [](std::uint8_t m) { return m != 0; });
-  if (features == 0 && !may_free) return false;
+  const bool may_free = hexes.size() < poor.most && std::any_of(marked.begin(), marked.end(), [](std::uint8_t m) { return m != 0; });
+  if (freed.polished && !may_free) return false;
   HexMesh better = mesh;
-  const std::int64_t freed = may_free ? free_round(better, marked, 0, Freedom::Slide, ground, context) : 0;
-  if (features == 0 && freed == 0) return false;
+  const std::int64_t now = may_free ? free_round(better, marked, 0, Freedom::Slide, ground, context) : 0;
+  if (freed.polished && now == 0) return false;
   OptimiseRequest request;
   request.ground = &ground;
   request.open_skin = OpenSkin::Slides;
   better = polish(std::move(better), request, kGoal, kLastRounds, context, Regard::AnglesAndShape).mesh;
   if (!bad_hexes(better).empty()) return false;
-  const std::size_t left = hexes_below(better, poor).size();
-  const bool pays = (faint_only ? 2 * left <= hexes.size() : left < hexes.size()) && worst_corner(better) >= worst_corner(mesh);
-  if (freed > 0 && !pays) return false;
+  const std::size_t left = hexes_below(better, poor.jacobian).size();
+  const bool pays = (faint_only ? 2 * left <= hexes.size() : left < hexes.size()) && worst_jacobian(better) >= worst_jacobian(mesh);
+  if (now > 0 && !pays) return false;
   mesh = std::move(better);
-  features += freed;
-  return freed > 0;
+  freed = {freed.features + now, true};
+  return now > 0;
 }
 
-void improve(HexMesh& mesh, std::int64_t& features, const Ground& ground, Context& context) {
-  improve(mesh, kPoorest, false, features, ground, context);
-  if (worst_corner(mesh) < kPoorest) return;  // faint features elsewhere would not make the mesh better
-  for (int round = 0; round < kFaintRounds; ++round) {
-    if (!improve(mesh, kPoor, true, features, ground, context)) return;
+void improve(HexMesh& mesh, Freed& freed, const Ground& ground, Context& context) {
+  improve(mesh, kPoorest, false, freed, ground, context);
+  if (worst_jacobian(mesh) < kPoorest.jacobian) return;  // faint features elsewhere would not make the mesh better
+  for (const Poor& poor : kPoor) {
+    int round = 0;
+    while (round < kFaintRounds && improve(mesh, poor, true, freed, ground, context)) ++round;
   }
 }
 
 }  // namespace
 
-double worst_corner(const HexMesh& mesh) {
+double worst_jacobian(const HexMesh& mesh) {
   return parallel_reduce(
-      mesh.hexes.size(), 1.0, [&](std::size_t i) { return corner_scaled_jacobian(corners_of(mesh, HexId(i))); },
+      mesh.hexes.size(), 1.0, [&](std::size_t i) { return scaled_jacobian(corners_of(mesh, HexId(i))); },
       [](double a, double b) { return std::min(a, b); });
 }
 
@@ -292,24 +302,26 @@ FitResult make_valid(HexMesh mesh, const Ground& ground, Context& context) {
     for (VertexId v : mesh.hexes[h]) sum += mesh.position[v];
     result.places.emplace_back(sum / 8);
   }
-  std::int64_t features = 0;
+  Freed freed;
   for (int round = 0; round < kRounds; ++round) {
     const std::vector<HexId> parted = part_coincident(mesh);
     bad.insert(bad.end(), parted.begin(), parted.end());
     if (bad.empty()) break;
-    features += free_round(mesh, vertices_of(mesh, bad), round, round >= kFreeingRound ? Freedom::Leave : Freedom::Slide, ground, context);
+    freed.features +=
+        free_round(mesh, vertices_of(mesh, bad), round, round >= kFreeingRound ? Freedom::Leave : Freedom::Slide, ground, context);
     bad = bad_hexes(mesh);
   }
   for (int round = 0; round < kStayRounds && !bad.empty(); ++round) {
-    features += free_round(mesh, vertices_of(mesh, bad), kStayRings + round, Freedom::StayOff, ground, context);
+    freed.features += free_round(mesh, vertices_of(mesh, bad), kStayRings + round, Freedom::StayOff, ground, context);
     bad = bad_hexes(mesh);
   }
-  if (bad.empty()) improve(mesh, features, ground, context);
+  freed.polished = freed.features == 0;
+  if (bad.empty()) improve(mesh, freed, ground, context);
   result.bad = static_cast<std::int64_t>(bad.size());
-  if (features > 0) {
-    diagnostic.count = features;
-    diagnostic.message =
-        std::to_string(features) + " feature vertices were let go, because hexes at them would be inverted or very poor; refine there";
+  if (freed.features > 0) {
+    diagnostic.count = freed.features;
+    diagnostic.message = std::to_string(freed.features) +
+                         " feature vertices were let go, because hexes at them would be inverted or very poor; refine there";
     result.let_go = std::move(diagnostic);
   }
   measure_distance(mesh, ground, result);

@@ -13,6 +13,8 @@ namespace strata {
 namespace {
 
 constexpr int kRounds = 6;
+constexpr int kSparingRounds = 4;
+constexpr double kSparing = 0.1;      // scaled Jacobian that they leave
 constexpr double kFirstShare = 0.01;  // of the way from a vertex to the middle of its hexes; doubled each round
 constexpr double kClear = 100 * kContactShare;  // parted by so much that writing and reading the mesh brings nothing back
 
@@ -26,15 +28,15 @@ double least_jacobian(const HexMesh& mesh, std::span<const HexId> hexes) {
   return least;
 }
 
-// False when the hexes do not bear it.
-bool draw_in(HexMesh& mesh, const VertexStars<HexId>& star, VertexId v, double share) {
+// False when the hexes would get poorer than `least`, or than they are.
+bool draw_in(HexMesh& mesh, const VertexStars<HexId>& star, VertexId v, double share, double least) {
   const auto hexes = star.of(v);
   Vec3 middle = Vec3::Zero();
   for (HexId h : hexes)
     for (VertexId w : mesh.hexes[h]) middle += mesh.position[w];
   middle /= 8.0 * static_cast<double>(hexes.size());
   const Vec3 before = mesh.position[v];
-  const double needed = std::min(least_jacobian(mesh, hexes), 2 * kLeastJacobian);
+  const double needed = std::min(least_jacobian(mesh, hexes), least);
   mesh.position[v] += share * (middle - before);
   if (least_jacobian(mesh, hexes) >= needed) return true;
   mesh.position[v] = before;
@@ -59,7 +61,7 @@ PartedContacts part_contacts(HexMesh mesh) {
       std::sort(touching.begin(), touching.end());
       touching.erase(std::unique(touching.begin(), touching.end()), touching.end());
       for (VertexId v : touching)
-        if (draw_in(mesh, star, v, share)) moved.push_back(v);
+        if (draw_in(mesh, star, v, share, round < kSparingRounds ? kSparing : 2 * kLeastJacobian)) moved.push_back(v);
       contacts = find_contacts(mesh, kClear);
     }
     std::sort(moved.begin(), moved.end());

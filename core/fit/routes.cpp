@@ -12,8 +12,7 @@ namespace strata {
 namespace {
 
 // In cells:
-constexpr double kShortestTail = 2.0;     // a crease that ends in the open
-constexpr double kShortestLoner = 3.0;    // a crease that ends in the open at both ends
+constexpr double kShortestTail = 0.6;     // a crease that ends in the open: one edge can show it
 constexpr double kShortestLoop = 4.0;     // a closed crease
 constexpr double kCornerDistance = 0.15;  // corners closer than this along a curve are one: anything longer still makes a sound, flat quad
 constexpr double kNarrowest = 0.15;  // width of a strip between two creases
@@ -197,8 +196,7 @@ class Pruner {
       bool small = false;
       if (chain.closed) small = cells < kShortestLoop;
       else {
-        const int open = (ends_[chain.first].size() == 1 ? 1 : 0) + (ends_[chain.last].size() == 1 ? 1 : 0);
-        small = (open == 1 && cells < kShortestTail) || (open == 2 && cells < kShortestLoner);
+        small = cells < kShortestTail && (ends_[chain.first].size() == 1 || ends_[chain.last].size() == 1);
       }
       if (small) drop(chain);
       any = any || small;

@@ -30,7 +30,7 @@ struct RoutePlan {
   IdMap<CornerId, CornerId> stands_for;       // the corner that represents this one (often itself); invalid: none does
 };
 
-// Leaves out dangling creases shorter than two cells, closed ones shorter than four, one side of strips much narrower than a cell;
+// Leaves out dangling creases much shorter than a cell, closed ones shorter than four, one side of strips much narrower than a cell;
 // unites corners much closer than a cell; chains curves where the corner between them was made by what was left out.
 // `size_at`: mesh edge length at a place.
 // `let_go`: by curve, 1: left out from the start; may be empty.

@@ -119,7 +119,8 @@ TEST(WrapRidges, GivesEveryQuadOneBorderEdgeWhereARidgeIsAStaircase) {
 }
 
 // A path on the top of the block that goes in zigzags: one edge along x, one along y, and so on.
-std::vector<CreaseEdge> zigzag(const HexMesh& mesh, Vec3 from, int edges) {
+std::vector<CreaseEdge> zigzag(const HexMesh& mesh, Vec3 from, int edges, const Vec3& first = Vec3(1, 0, 0),
+                               const Vec3& second = Vec3(0, 1, 0), std::int32_t id = 0) {
   const auto at = [&](const Vec3& p) {
     VertexId best(std::size_t{0});
     for (QuadId q : mesh.quads.ids())
@@ -129,8 +130,8 @@ std::vector<CreaseEdge> zigzag(const HexMesh& mesh, Vec3 from, int edges) {
   };
   std::vector<CreaseEdge> path;
   for (int i = 0; i < edges; ++i) {
-    const Vec3 to = from + (i % 2 == 0 ? Vec3(1, 0, 0) : Vec3(0, 1, 0));
-    path.push_back({0, at(from), at(to)});
+    const Vec3 to = from + (i % 2 == 0 ? first : second);
+    path.push_back({id, at(from), at(to)});
     from = to;
   }
   return path;
@@ -166,6 +167,32 @@ TEST(WrapRidges, GivesQuadsBesideABentCreaseOneEdgeOnItEach) {
   EXPECT_EQ(testing::check_quads_per_hex(mesh, 1), "");
   EXPECT_EQ(most_edges(mesh), 1);
   EXPECT_LT(mesh.hexes.size(), before + 100) << "rows run along the crease only";
+}
+
+TEST(WrapRidges, RowsBesideTwoCreasesThatMeetDoNotCrowdTheSectorBetween) {
+  Context context;
+  HexMesh mesh = wrap_surface(grid(10, 10, 4), context);
+  label(mesh, {Vec3(5, 5, 4)});
+  for (QuadId q : mesh.quads.ids())
+    for (VertexId v : mesh.quads[q]) mesh.attachment[v] = {Hold::Chart, 0};
+  Features features;
+  features.patch_of_chart.push_back(PatchId(0));
+  // Both leave the corner into one quad's two edges, and bend on either side.
+  const Vec3 corner(5, 5, 4), x = Vec3(1, 0, 0), y = Vec3(0, 1, 0);
+  std::vector<CreaseEdge> creases = zigzag(mesh, corner, 4, x, -y, 0);
+  const std::vector<CreaseEdge> other = zigzag(mesh, corner, 4, y, -x, 1);
+  creases.insert(creases.end(), other.begin(), other.end());
+  const VertexId at = creases.front().a;
+  ASSERT_EQ(at, other.front().a);
+  const auto quads_at_corner = [&] {
+    return std::count_if(mesh.quads.begin(), mesh.quads.end(),
+                         [&](const QuadVertices& q) { return std::find(q.begin(), q.end(), at) != q.end(); });
+  };
+  EXPECT_EQ(quads_at_corner(), 4);
+  mesh = wrap_ridges(std::move(mesh), features, creases, context);
+  EXPECT_EQ(check_topology(mesh), "");
+  EXPECT_EQ(testing::check_quads_per_hex(mesh, 1), "");
+  EXPECT_LE(quads_at_corner(), 4) << "two quads on either side, each with an edge on one of the creases";
 }
 
 TEST(WrapRidges, MovesCornersWithTheWrappedChart) {

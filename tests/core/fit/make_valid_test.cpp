@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -63,12 +64,14 @@ TEST(MakeValid, PoorHexesCostFaintFeatures) {
   Match match = match_features(std::move(mesh), ground, {}, context);
   mesh = wrap_ridges(std::move(match.mesh), features, match.creases, context);
   mesh = settle_on_features(arrive_at_features(std::move(mesh), ground, context), ground, context);
-  ASSERT_LT(worst_corner(mesh), 0.3);
+  ASSERT_LT(worst_jacobian(mesh), 0.3);
+  const auto held = std::count_if(mesh.attachment.begin(), mesh.attachment.end(),
+                                  [](const Attachment& a) { return a.hold == Hold::Curve || a.hold == Hold::Corner; });
   const FitResult fit = make_valid(std::move(mesh), ground, context);
   EXPECT_EQ(fit.bad, 0);
-  EXPECT_GT(worst_corner(fit.mesh), 0.3);
+  EXPECT_GT(worst_jacobian(fit.mesh), 0.3);
   ASSERT_TRUE(fit.let_go.has_value());
-  EXPECT_LT(fit.let_go->count, 10);
+  EXPECT_LT(fit.let_go->count, held / 2) << "most of the features stay";
 }
 
 }  // namespace
