@@ -58,7 +58,8 @@ class Reattach {
   [[nodiscard]] bool runs_between(CurveId id, const std::vector<ChartId>& charts) const {
     const Curve& curve = features_.curves[id];
     const auto has = [&](ChartId c) { return std::binary_search(charts.begin(), charts.end(), c); };
-    return has(curve.left) && has(curve.right);
+    // A crease that ends at the corner inside a chart does not run along the border of that chart.
+    return has(curve.left) && has(curve.right) && (curve.left != curve.right || charts.size() == 1);
   }
   // An edge path of the curve leaves v: the next vertex is on the curve, or it is the curve's other corner.
   [[nodiscard]] bool continues_at(CurveId id, VertexId v, CornerId from, bool by_charts) const {
