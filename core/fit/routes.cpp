@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
 namespace strata {
 namespace {
@@ -390,9 +391,14 @@ class Pruner {
         if (c.valid()) kept[c] = 1;
     for (CornerId c : kept.ids())
       if (features_.corners[c].curves.empty() || kept[root(c)]) plan.stands_for[c] = root(c);
-    std::stable_sort(plan.routes.begin(), plan.routes.end(), [](const Route& a, const Route& b) {
-      return std::make_tuple(!a.border, -a.length) < std::make_tuple(!b.border, -b.length);
-    });
+    std::vector<std::size_t> order(plan.routes.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    const auto rank = [&](std::size_t i) { return std::make_tuple(!plan.routes[i].border, -plan.routes[i].length, i); };
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
+    std::vector<Route> sorted;
+    sorted.reserve(order.size());
+    for (const std::size_t i : order) sorted.push_back(std::move(plan.routes[i]));
+    plan.routes = std::move(sorted);
     return plan;
   }
 

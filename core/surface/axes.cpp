@@ -145,7 +145,9 @@ class Normals {
       const Vec3 mean_normal = mean(
           [&](const Vec3& n) {
             const double c = n.dot(d);
-            return Vec3((c < 0 ? -1 : 1) * std::pow(std::abs(c), narrow) * n);
+            double weight = c * c;
+            for (int exponent = 2; exponent < narrow; exponent *= 2) weight *= weight;
+            return Vec3((c < 0 ? -weight : weight) * n);
           },
           Vec3(Vec3::Zero()));
       if (!(mean_normal.norm() > 0)) break;
@@ -178,7 +180,8 @@ Mat3 snapped(const Mat3& axes, const Normals& normals) {
     const auto [normal, share] = normals.crowd_near(axes.row(i));
     planes[static_cast<std::size_t>(i)] = share >= kPlane ? Plane{i, normal, share} : Plane{i, axes.row(i), 0};
   }
-  std::stable_sort(planes.begin(), planes.end(), [](const Plane& a, const Plane& b) { return a.share > b.share; });
+  std::sort(planes.begin(), planes.end(),
+            [](const Plane& a, const Plane& b) { return a.share != b.share ? a.share > b.share : a.axis < b.axis; });
   const Vec3 first = planes[0].normal, second = (planes[1].normal - planes[1].normal.dot(first) * first).normalized();
   Mat3 result;
   result.row(planes[0].axis) = first.transpose();
@@ -216,12 +219,13 @@ Mat3 smallest_turn(const Mat3& axes) {
 Mat3 best_axes(const Surface& surface) {
   const Normals normals(surface);
   const Moments moments = normals.moments();
-  const Mat3 identity = Mat3::Identity();
-  const Mat3 turned = smallest_turn(snapped(climb_from_everywhere(moments), normals));
+  Mat3 identity = Mat3::Identity();
+  Mat3 turned = smallest_turn(snapped(climb_from_everywhere(moments), normals));
   if ((turned - identity).cwiseAbs().maxCoeff() < kSmallestTurn) return identity;
   const double gain = alignment(moments, turned) - alignment(moments, identity);
   const double flush = normals.flush(turned) - normals.flush(identity);
-  return (gain >= kGain && flush >= -kFlushLost) || flush >= kFlush ? turned : identity;
+  const bool pays = (gain >= kGain && flush >= -kFlushLost) || flush >= kFlush;
+  return pays ? turned : identity;
 }
 
 }  // namespace strata
