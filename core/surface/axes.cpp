@@ -48,7 +48,7 @@ constexpr std::array<Power, 15> kPowers{{{{4, 0, 0}, 1},
                                          {{2, 1, 1}, 12},
                                          {{1, 2, 1}, 12},
                                          {{1, 1, 2}, 12}}};
-using Moments = std::array<double, 15>;
+using Moments = Eigen::Array<double, 15, 1>;  // as kPowers
 
 double power(double x, int n) {
   double result = 1;
@@ -61,7 +61,7 @@ double along(const Moments& moments, const Vec3& r) {
   double sum = 0;
   for (std::size_t k = 0; k < kPowers.size(); ++k) {
     const auto& [of, times] = kPowers[k];
-    sum += times * moments[k] * power(r.x(), of[0]) * power(r.y(), of[1]) * power(r.z(), of[2]);
+    sum += times * moments[static_cast<Eigen::Index>(k)] * power(r.x(), of[0]) * power(r.y(), of[1]) * power(r.z(), of[2]);
   }
   return sum;
 }
@@ -72,7 +72,9 @@ Vec3 gradient(const Moments& moments, const Vec3& r) {
     for (int i = 0; i < 3; ++i) {
       std::array<int, 3> of = kPowers[k].of;
       const int n = of[static_cast<std::size_t>(i)]--;
-      if (n > 0) sum[i] += n * kPowers[k].times * moments[k] * power(r.x(), of[0]) * power(r.y(), of[1]) * power(r.z(), of[2]);
+      if (n > 0)
+        sum[i] +=
+            n * kPowers[k].times * moments[static_cast<Eigen::Index>(k)] * power(r.x(), of[0]) * power(r.y(), of[1]) * power(r.z(), of[2]);
     }
   return sum;
 }
@@ -125,15 +127,19 @@ class Normals {
   // Sum of area times f(normal), by the whole area.
   template <class F, class T>
   [[nodiscard]] T mean(const F& f, T zero) const {
-    return sum(f, zero) / whole_;
+    return T(sum(f, zero) / whole_);
   }
   [[nodiscard]] Moments moments() const {
-    Moments moments{};
-    for (std::size_t k = 0; k < kPowers.size(); ++k)
-      moments[k] = mean(
-          [&](const Vec3& n) { return power(n.x(), kPowers[k].of[0]) * power(n.y(), kPowers[k].of[1]) * power(n.z(), kPowers[k].of[2]); },
-          0.0);
-    return moments;
+    return mean(
+        [](const Vec3& n) {
+          Moments powers;
+          for (std::size_t k = 0; k < kPowers.size(); ++k) {
+            const std::array<int, 3>& of = kPowers[k].of;
+            powers[static_cast<Eigen::Index>(k)] = power(n.x(), of[0]) * power(n.y(), of[1]) * power(n.z(), of[2]);
+          }
+          return powers;
+        },
+        Moments(Moments::Zero()));
   }
   // Share of the area that lies across one of the axes.
   [[nodiscard]] double flush(const Mat3& axes) const {
@@ -226,6 +232,16 @@ Mat3 best_axes(const Surface& surface) {
   const double flush = normals.flush(turned) - normals.flush(identity);
   const bool pays = (gain >= kGain && flush >= -kFlushLost) || flush >= kFlush;
   return pays ? turned : identity;
+}
+
+Surface turned(Surface surface, const Mat3& axes) {
+  if (axes == Mat3::Identity()) return surface;
+  parallel_for(surface.points.size(), [&](std::size_t i) { surface.points[PointId(i)] = axes * surface.points[PointId(i)]; });
+  parallel_for(surface.normal.size(), [&](std::size_t i) { surface.normal[TriangleId(i)] = axes * surface.normal[TriangleId(i)]; });
+  surface.box = Box();
+  for (const Vec3& p : surface.points) surface.box.add(p);
+  surface.frame.turn = surface.frame.turn ? Mat3(axes * *surface.frame.turn) : axes;
+  return surface;
 }
 
 }  // namespace strata

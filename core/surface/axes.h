@@ -12,4 +12,7 @@ namespace strata {
 // Deterministic.
 Mat3 best_axes(const Surface& surface);
 
+// The same surface in a working frame turned by the rotation, whose rows are the new axes; the identity changes nothing.
+Surface turned(Surface surface, const Mat3& axes);
+
 }  // namespace strata

@@ -1,6 +1,5 @@
 #include <algorithm>
 
-#include "core/base/parallel.h"
 #include "core/surface/draft.h"
 #include "core/surface/surface.h"
 
@@ -28,16 +27,6 @@ Surface part_of(const Surface& surface, const IdMap<TriangleId, std::uint8_t>& k
   }
   connect(part);
   return part;
-}
-
-Surface turned(Surface surface, const Mat3& axes) {
-  if (axes == Mat3::Identity()) return surface;
-  parallel_for(surface.points.size(), [&](std::size_t i) { surface.points[PointId(i)] = axes * surface.points[PointId(i)]; });
-  parallel_for(surface.normal.size(), [&](std::size_t i) { surface.normal[TriangleId(i)] = axes * surface.normal[TriangleId(i)]; });
-  surface.box = Box();
-  for (const Vec3& p : surface.points) surface.box.add(p);
-  surface.frame.turn = surface.frame.turn ? Mat3(axes * *surface.frame.turn) : axes;
-  return surface;
 }
 
 }  // namespace strata

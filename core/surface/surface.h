@@ -69,9 +69,6 @@ class Surface {
   friend Surface turned(Surface surface, const Mat3& axes);
 };
 
-// The same surface in a working frame turned by the rotation, whose rows are the new axes; the identity changes nothing.
-Surface turned(Surface surface, const Mat3& axes);
-
 // The triangles marked 1, in the same frame and with the same patches; edges to those left out are open. Requires one triangle at least.
 Surface part_of(const Surface& surface, const IdMap<TriangleId, std::uint8_t>& keep);
 
